@@ -1,0 +1,464 @@
+"""Spatial ordering and the neighbour list: cell keys, sorted order, cell ranges, list with skin, interface flags.
+
+Cells are half the list radius wide, so a search visits five cells an axis (3.9 list squares in 2-D, where
+full-size cells would visit 9/pi of the disc), and the five cells of a row are one contiguous range of particles.
+Fluid particles are ordered before wall particles: key = cell + (wall ? cell_count : 0).
+"""
+
+import functools
+from typing import Any
+
+import warp as wp
+
+from .clock import BAND_COUNT, FAULT, FAULT_LIST, LIST_PEAK, OFFSET, REBUILD, REBUILDS, RUNNING
+from .pair import BAND, NEAR, WRAPPED
+from .spec import Spec, types_of
+
+
+@functools.cache
+def make_grid(dimension: int, precision: str) -> Any:
+    """Return the `Grid` struct: where the cells are. Axes beyond the dimension have one cell."""
+    real, vec, _, _ = types_of(Spec(dimension=dimension, precision=precision))
+
+    @wp.struct
+    class Grid:
+        origin: vec  # lower corner [m]
+        inv_cell: vec  # 1 / cell width [1/m]
+        box: vec  # period of each periodic axis [m]
+        nx: int
+        ny: int
+        nz: int
+        cell_count: int
+        list_radius2: real  # (support + skin)^2 [m^2]
+
+    return Grid
+
+
+@functools.cache
+def make_cell_of(dimension: int, precision: str) -> Any:
+    """Return the `wp.func` cell_of(x, grid) -> vec3i; positions outside the grid go to its rim cells."""
+    real, vec, _, _ = types_of(Spec(dimension=dimension, precision=precision))
+    Grid = make_grid(dimension, precision)
+
+    @wp.func
+    def axis_cell(x: real, origin: real, inv_cell: real, n: int):
+        c = wp.clamp((x - origin) * inv_cell, real(0.0), real(1.0e9))
+        return wp.min(int(c), n - 1)
+
+    @wp.func
+    def cell_of(x: vec, grid: Grid):
+        c = wp.vec3i(axis_cell(x[0], grid.origin[0], grid.inv_cell[0], grid.nx), 0, 0)
+        if wp.static(dimension > 1):
+            c[1] = axis_cell(x[1], grid.origin[1], grid.inv_cell[1], grid.ny)
+        if wp.static(dimension > 2):
+            c[2] = axis_cell(x[2], grid.origin[2], grid.inv_cell[2], grid.nz)
+        return c
+
+    return cell_of
+
+
+@functools.cache
+def make_keys(spec: Spec) -> Any:
+    """Return the kernel that takes up the way since the last build into the anchor, wraps it and writes sort keys."""
+    real, vec, _, _ = types_of(spec)
+    Grid = make_grid(spec.dimension, spec.precision)
+    cell_of = make_cell_of(spec.dimension, spec.precision)
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def cell_keys(
+        first: int,
+        fluid_count: int,
+        moving: int,
+        grid: Grid,
+        anchor: wp.array(dtype=vec),
+        offset: wp.array(dtype=vec),
+        position: wp.array(dtype=vec),
+        sort_keys: wp.array(dtype=int),
+        sort_order: wp.array(dtype=int),
+    ):
+        i = wp.tid() + first
+        if moving == 1:
+            old = anchor[i]
+            way = offset[i]
+            new = old + way
+            rest = (old - new) + way  # what the sum rounded off
+            for axis in range(wp.static(spec.dimension)):
+                if wp.static(any(spec.periodic)):
+                    period = grid.box[axis]
+                    if period > real(0.0):
+                        x = new[axis]
+                        if x < grid.origin[axis]:
+                            moved = x + period
+                            rest[axis] = rest[axis] + (x - (moved - period))
+                            new[axis] = moved
+                        elif x >= grid.origin[axis] + period:
+                            moved = x - period
+                            rest[axis] = rest[axis] + (x - (moved + period))
+                            new[axis] = moved
+            anchor[i] = new
+            offset[i] = rest
+            position[i] = new + rest
+        c = cell_of(anchor[i], grid)
+        key = (c[2] * grid.ny + c[1]) * grid.nx + c[0]
+        if i >= fluid_count:
+            key += grid.cell_count
+        sort_keys[i] = key
+        sort_order[i] = i
+
+    return cell_keys
+
+
+@functools.cache
+def make_permute(dtype: Any) -> Any:
+    """Return the kernel target[t] = source[order[base + t] - base] for an element type."""
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def permute(
+        first: int,
+        base: int,
+        sort_order: wp.array(dtype=int),
+        source: wp.array(dtype=dtype),
+        target: wp.array(dtype=dtype),
+    ):
+        t = wp.tid() + first
+        target[t] = source[sort_order[base + t] - base]
+
+    return permute
+
+
+@functools.cache
+def make_ranges() -> Any:
+    """Return the kernel cell_start[c] = first particle whose key is at least c (binary search)."""
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def cell_ranges(
+        first: int,
+        particle_count: int,
+        sort_keys: wp.array(dtype=int),
+        cell_start: wp.array(dtype=int),
+    ):
+        c = wp.tid() + first
+        low = int(0)
+        high = int(particle_count)
+        while low < high:
+            middle = (low + high) / 2
+            if sort_keys[middle] < c:
+                low = middle + 1
+            else:
+                high = middle
+        cell_start[c] = low
+
+    return cell_ranges
+
+
+@functools.cache
+def make_list(spec: Spec) -> Any:
+    """Return the kernel that fills the neighbour list of every particle: fluid first, then walls.
+
+    Wall particles list fluid only. Entries beyond `list_width` are counted, not stored.
+    """
+    real, vec, _, _ = types_of(spec)
+    Grid = make_grid(spec.dimension, spec.precision)
+    cell_of = make_cell_of(spec.dimension, spec.precision)
+    px, py, pz = ([*spec.periodic, False, False])[:3]
+    dim = spec.dimension
+
+    @wp.func
+    def scan(
+        i: int,
+        xi: vec,
+        begin: int,
+        end: int,
+        count_in: int,
+        own: int,
+        particle_count: int,
+        list_width: int,
+        grid: Grid,
+        phase: wp.array(dtype=wp.int8),
+        anchor: wp.array(dtype=vec),
+        neighbours: wp.array(dtype=int),
+        flag_in: int,
+    ):
+        count = int(count_in)
+        flag = int(flag_in)
+        j = int(begin)
+        while j < end:
+            d = xi - anchor[j]
+            far = bool(False)
+            if wp.static(px):
+                half = real(0.5) * grid.box[0]
+                if d[0] > half:
+                    d[0] = d[0] - grid.box[0]
+                    far = True
+                elif d[0] < -half:
+                    d[0] = d[0] + grid.box[0]
+                    far = True
+            if wp.static(py):
+                half = real(0.5) * grid.box[1]
+                if d[1] > half:
+                    d[1] = d[1] - grid.box[1]
+                    far = True
+                elif d[1] < -half:
+                    d[1] = d[1] + grid.box[1]
+                    far = True
+            if wp.static(pz):
+                half = real(0.5) * grid.box[2]
+                if d[2] > half:
+                    d[2] = d[2] - grid.box[2]
+                    far = True
+                elif d[2] < -half:
+                    d[2] = d[2] + grid.box[2]
+                    far = True
+            if wp.dot(d, d) < grid.list_radius2 and j != i:
+                if count < list_width:
+                    if wp.static(spec.row_list):
+                        neighbours[i * list_width + count] = j
+                    else:
+                        neighbours[count * particle_count + i] = j
+                count += 1
+                if far:
+                    flag = flag | WRAPPED
+                if wp.static(spec.multiphase):
+                    if own >= 0 and j < phase.shape[0]:
+                        if int(phase[j]) != own:
+                            flag = flag | NEAR
+            j += 1
+        return wp.vec2i(count, flag)
+
+    @wp.func
+    def row(
+        i: int,
+        xi: vec,
+        base: int,
+        cx: int,
+        state: wp.vec2i,
+        own: int,
+        particle_count: int,
+        list_width: int,
+        grid: Grid,
+        cell_start: wp.array(dtype=int),
+        phase: wp.array(dtype=wp.int8),
+        anchor: wp.array(dtype=vec),
+        neighbours: wp.array(dtype=int),
+    ):
+        low = cx - 2
+        high = cx + 2
+        if wp.static(px):
+            if grid.nx < 5:
+                low = 0
+                high = grid.nx - 1
+        s = scan(
+            i, xi, cell_start[base + wp.max(low, 0)], cell_start[base + wp.min(high, grid.nx - 1) + 1],
+            state[0], own, particle_count, list_width, grid, phase, anchor, neighbours, state[1],
+        )  # fmt: skip
+        if wp.static(px):
+            if low < 0:
+                s = scan(
+                    i, xi, cell_start[base + low + grid.nx], cell_start[base + grid.nx],
+                    s[0], own, particle_count, list_width, grid, phase, anchor, neighbours, s[1],
+                )  # fmt: skip
+            if high >= grid.nx:
+                s = scan(
+                    i, xi, cell_start[base], cell_start[base + high - grid.nx + 1],
+                    s[0], own, particle_count, list_width, grid, phase, anchor, neighbours, s[1],
+                )  # fmt: skip
+        return s
+
+    @wp.func
+    def search(
+        i: int,
+        xi: vec,
+        kind_base: int,
+        c: wp.vec3i,
+        state: wp.vec2i,
+        own: int,
+        particle_count: int,
+        list_width: int,
+        grid: Grid,
+        cell_start: wp.array(dtype=int),
+        phase: wp.array(dtype=wp.int8),
+        anchor: wp.array(dtype=vec),
+        neighbours: wp.array(dtype=int),
+    ):
+        s = state
+        y0 = int(0)
+        y1 = int(0)
+        z0 = int(0)
+        z1 = int(0)
+        if wp.static(dim > 1):
+            y0 = c[1] - 2
+            y1 = c[1] + 2
+            if wp.static(py):
+                if grid.ny < 5:
+                    y0 = 0
+                    y1 = grid.ny - 1
+            else:
+                y0 = wp.max(y0, 0)
+                y1 = wp.min(y1, grid.ny - 1)
+        if wp.static(dim > 2):
+            z0 = c[2] - 2
+            z1 = c[2] + 2
+            if wp.static(pz):
+                if grid.nz < 5:
+                    z0 = 0
+                    z1 = grid.nz - 1
+            else:
+                z0 = wp.max(z0, 0)
+                z1 = wp.min(z1, grid.nz - 1)
+        z = int(z0)
+        while z <= z1:
+            zz = int(z)
+            if wp.static(pz):
+                if zz < 0:
+                    zz += grid.nz
+                if zz >= grid.nz:
+                    zz -= grid.nz
+            y = int(y0)
+            while y <= y1:
+                yy = int(y)
+                if wp.static(py):
+                    if yy < 0:
+                        yy += grid.ny
+                    if yy >= grid.ny:
+                        yy -= grid.ny
+                base = kind_base + (zz * grid.ny + yy) * grid.nx
+                s = row(
+                    i, xi, base, c[0], s, own, particle_count, list_width, grid, cell_start, phase, anchor, neighbours
+                )
+                y += 1
+            z += 1
+        return s
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def build_list(
+        first: int,
+        slot: int,
+        fluid_count: int,
+        particle_count: int,
+        list_width: int,
+        grid: Grid,
+        cell_start: wp.array(dtype=int),
+        phase: wp.array(dtype=wp.int8),
+        anchor: wp.array(dtype=vec),
+        neighbours: wp.array(dtype=int),
+        fluid_neighbours: wp.array(dtype=wp.int16),
+        wall_neighbours: wp.array(dtype=wp.int16),
+        flags: wp.array(dtype=wp.uint8),
+        list_peak: wp.array(dtype=int),
+    ):
+        i = wp.tid() + first
+        xi = anchor[i]
+        c = cell_of(xi, grid)
+        own = int(-1)
+        if i < fluid_count:
+            own = 0
+            if wp.static(spec.multiphase):
+                own = int(phase[i])
+        s = search(
+            i, xi, 0, c, wp.vec2i(0, 0), own, particle_count, list_width, grid, cell_start, phase, anchor, neighbours
+        )
+        fluid = s[0]
+        fluid_neighbours[i] = wp.int16(wp.min(fluid, list_width))
+        if wp.static(spec.walls):
+            if i < fluid_count:
+                s = search(
+                    i, xi, grid.cell_count, c, s, -1, particle_count, list_width, grid, cell_start, phase, anchor,
+                    neighbours,
+                )  # fmt: skip
+                wall_neighbours[i] = wp.int16(wp.min(s[0], list_width) - wp.min(fluid, list_width))
+        if wp.static(any(spec.periodic) or spec.multiphase):
+            flags[i] = wp.uint8(s[1])
+        if s[0] > list_peak[slot]:
+            wp.atomic_max(list_peak, slot, s[0])
+
+    return build_list
+
+
+@functools.cache
+def make_finish() -> Any:
+    """Return the one-thread kernel that closes a rebuild and stops the loop if the list is too narrow."""
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def finish_rebuild(
+        list_width: int,
+        list_peak: wp.array(dtype=int),
+        clock: wp.array(dtype=wp.float64),
+        counters: wp.array(dtype=int),
+    ):
+        peak = int(0)
+        for slot in range(list_peak.shape[0]):
+            peak = wp.max(peak, list_peak[slot])
+            list_peak[slot] = 0
+        counters[LIST_PEAK] = wp.max(counters[LIST_PEAK], peak)
+        counters[REBUILDS] = counters[REBUILDS] + 1
+        counters[REBUILD] = 0
+        clock[OFFSET] = wp.float64(0.0)
+        if peak > list_width:
+            counters[FAULT] = FAULT_LIST
+            counters[RUNNING] = 0
+
+    return finish_rebuild
+
+
+@functools.cache
+def make_band(spec: Spec) -> tuple[Any, Any]:
+    """Return the kernels that mark the interface band (two rings) and gather it into a compact list."""
+    real, vec, _, _ = types_of(spec)
+    tension = spec.tension != "none"
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def mark_band(
+        first: int,
+        particle_count: int,
+        list_width: int,
+        neighbours: wp.array(dtype=int),
+        fluid_neighbours: wp.array(dtype=wp.int16),
+        flags: wp.array(dtype=wp.uint8),
+        band_mark: wp.array(dtype=int),
+        fraction: wp.array(dtype=real),
+        normal: wp.array(dtype=vec),
+        interface_weight: wp.array(dtype=real),
+        curvature: wp.array(dtype=real),
+        band_curvature: wp.array(dtype=real),
+    ):
+        i = wp.tid() + first
+        mark = int(0)
+        if (int(flags[i]) & NEAR) != 0:
+            mark = 1
+        else:
+            for k in range(int(fluid_neighbours[i])):
+                j = int(0)
+                if wp.static(spec.row_list):
+                    j = neighbours[i * list_width + k]
+                else:
+                    j = neighbours[k * particle_count + i]
+                if (int(flags[j]) & NEAR) != 0:
+                    mark = 1
+                    break
+        band_mark[i] = mark
+        if mark == 0:
+            fraction[i] = real(1.0)
+            normal[i] = vec()
+            interface_weight[i] = real(0.0)
+            if wp.static(tension):
+                curvature[i] = real(0.0)
+                band_curvature[i] = real(0.0)
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def gather_band(
+        first: int,
+        band_sum: wp.array(dtype=int),
+        band_mark: wp.array(dtype=int),
+        flags: wp.array(dtype=wp.uint8),
+        band: wp.array(dtype=int),
+        counters: wp.array(dtype=int),
+    ):
+        # band_sum is the inclusive sum of band_mark
+        i = wp.tid() + first
+        if band_mark[i] == 1:
+            band[band_sum[i] - 1] = i
+            flags[i] = wp.uint8(int(flags[i]) | BAND)
+        if i == band_sum.shape[0] - 1:
+            counters[BAND_COUNT] = band_sum[i]
+
+    return mark_band, gather_band

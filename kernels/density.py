@@ -1,0 +1,173 @@
+"""Continuity sweep: density from the star velocities, then pressure and volume (methods A2, A3; seed 000 eq 13).
+
+    ds_i/dt = 2 (1+s_i) sum_j (v_i - v*_ij).grad_i W V_j,   s = rho/rho0 - 1
+"""
+
+import functools
+from typing import Any
+
+import warp as wp
+
+from .eos import make_eos
+from .pair import NEAR, WRAPPED, make_entry, separation_of
+from .params import make_params, make_phase
+from .riemann import make_jump, make_star
+from .smoothing import make_smoothing
+from .spec import SWEEP_OPTIONS, Spec, types_of
+
+
+@functools.cache
+def make_state(spec: Spec) -> Any:
+    """Return the kernel that evaluates pressure and volume of the fluid from the density excess."""
+    real, vec, _, pair = types_of(spec)
+    Phase = make_phase(spec.precision)
+    eos = make_eos(spec.precision)
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def state_from_density(
+        first: int,
+        phases: wp.array(dtype=Phase),
+        phase: wp.array(dtype=wp.int8),
+        density_excess: wp.array(dtype=real),
+        rest_volume: wp.array(dtype=real),
+        state: wp.array(dtype=pair),
+        state_old: wp.array(dtype=pair),
+    ):
+        i = wp.tid() + first
+        own = phases[0]
+        if wp.static(spec.multiphase):
+            own = phases[int(phase[i])]
+        s = density_excess[i]
+        both = pair(eos(s, own.stiffness, own.gamma) + own.background, rest_volume[i] / (real(1.0) + s))
+        state[i] = both
+        state_old[i] = both
+
+    return state_from_density
+
+
+@functools.cache
+def make_continuity(spec: Spec) -> Any:
+    """Return the continuity sweep of a `Spec`: reads the old state, writes density excess and new state."""
+    real, vec, _, pair = types_of(spec)
+    Params = make_params(spec.dimension, spec.precision)
+    Phase = make_phase(spec.precision)
+    eos = make_eos(spec.precision)
+    _, slope = make_smoothing(spec.kernel, spec.precision)
+    separation = separation_of(spec)
+    list_begin, list_step = make_entry(spec.row_list)
+    star_velocity, _ = make_star(spec.precision, spec.paper_star)
+    laplace_jump = make_jump(spec.precision)
+    periodic = any(spec.periodic)
+    jumps = spec.tension == "pressure_jump"
+
+    @wp.kernel(module="unique", enable_backward=False, module_options=SWEEP_OPTIONS)
+    def continuity(
+        first: int,
+        particle_count: int,
+        list_width: int,
+        params: Params,
+        phases: wp.array(dtype=Phase),
+        tension: wp.array(dtype=real),
+        clock: wp.array(dtype=wp.float64),
+        neighbours: wp.array(dtype=int),
+        fluid_neighbours: wp.array(dtype=wp.int16),
+        wall_neighbours: wp.array(dtype=wp.int16),
+        flags: wp.array(dtype=wp.uint8),
+        phase: wp.array(dtype=wp.int8),
+        position: wp.array(dtype=vec),
+        velocity: wp.array(dtype=vec),
+        state_old: wp.array(dtype=pair),
+        rest_volume: wp.array(dtype=real),
+        curvature: wp.array(dtype=real),
+        interface_weight: wp.array(dtype=real),
+        density_excess: wp.array(dtype=real),
+        state: wp.array(dtype=pair),
+    ):
+        i = wp.tid() + first
+        xi = position[i]
+        vi = velocity[i]
+        p_i = state_old[i][0]
+        own = phases[0]
+        own_phase = int(0)
+        if wp.static(spec.multiphase):
+            own_phase = int(phase[i])
+            own = phases[own_phase]
+        wrapped = bool(False)
+        near = bool(False)
+        if wp.static(periodic or spec.multiphase):
+            flag = int(flags[i])
+            wrapped = (flag & WRAPPED) != 0
+            near = (flag & NEAR) != 0
+        inv_z = params.dissipation / own.impedance
+
+        rate = real(0.0)
+        k = list_begin(i, list_width)
+        step = list_step(particle_count)
+        end = k + int(fluid_neighbours[i]) * step
+        if wp.static(spec.multiphase):
+            if near:
+                kappa_i = real(0.0)
+                w_i = real(0.0)
+                if wp.static(jumps):
+                    kappa_i = curvature[i]
+                    w_i = interface_weight[i]
+                while k < end:
+                    j = neighbours[k]
+                    k += step
+                    d = separation(xi, position[j], wrapped, params)
+                    r = wp.sqrt(wp.dot(d, d))
+                    state_j = state_old[j]
+                    f = slope(r * params.inv_h) * state_j[1]
+                    dp = p_i - state_j[0]
+                    other_phase = int(phase[j])
+                    if other_phase == own_phase:
+                        if wp.static(spec.gravity):
+                            dp -= own.density * wp.dot(params.gravity, d)
+                        term = wp.dot(vi - velocity[j], d)
+                        if wp.static(spec.dissipation):
+                            term += dp * r * inv_z
+                        rate += f * term
+                    else:
+                        other = phases[other_phase]
+                        if wp.static(spec.gravity):
+                            dp -= real(0.5) * (own.density + other.density) * wp.dot(params.gravity, d)
+                        if wp.static(jumps):
+                            sigma = tension[own_phase * phases.shape[0] + other_phase]
+                            dp -= laplace_jump(sigma, kappa_i, curvature[j], w_i, interface_weight[j])
+                        inv_r = real(1.0) / wp.max(r, real(1.0e-6) * params.h)
+                        u_i = -wp.dot(vi, d) * inv_r
+                        u_j = -wp.dot(velocity[j], d) * inv_r
+                        u_star = star_velocity(
+                            u_i, u_j, own.density, other.density, own.impedance, other.impedance, params.dissipation * dp
+                        )
+                        rate -= real(2.0) * f * r * (u_i - u_star)
+        while k < end:
+            j = neighbours[k]
+            k += step
+            d = separation(xi, position[j], wrapped, params)
+            r = wp.sqrt(wp.dot(d, d))
+            state_j = state_old[j]
+            f = slope(r * params.inv_h) * state_j[1]
+            term = wp.dot(vi - velocity[j], d)
+            if wp.static(spec.dissipation):
+                dp = p_i - state_j[0]
+                if wp.static(spec.gravity):
+                    dp -= own.density * wp.dot(params.gravity, d)
+                term += dp * r * inv_z
+            rate += f * term
+        if wp.static(spec.walls):
+            # one-sided Riemann problem: the mirrored state makes u* the wall velocity, no pressure difference left
+            end += int(wall_neighbours[i]) * step
+            while k < end:
+                j = neighbours[k]
+                k += step
+                d = separation(xi, position[j], wrapped, params)
+                r = wp.sqrt(wp.dot(d, d))
+                rate += real(2.0) * slope(r * params.inv_h) * params.wall_volume * wp.dot(vi - velocity[j], d)
+
+        s = density_excess[i]
+        s += real(clock[1]) * (real(1.0) + s) * params.g_norm * rate
+        density_excess[i] = s
+        state[i] = pair(eos(s, own.stiffness, own.gamma) + own.background, rest_volume[i] / (real(1.0) + s))
+
+    return continuity

@@ -1,0 +1,108 @@
+"""The particle fields, each declared once: element type, rows, whether it follows the sort, when it exists.
+
+The allocation, the sort and the checkpoint read this table; a kernel argument of the same name is bound to the field.
+"""
+
+import dataclasses
+from collections.abc import Callable
+from typing import Any
+
+import warp as wp
+
+from .spec import Spec, types_of
+
+
+def _always(spec: Spec) -> bool:
+    return True
+
+
+def _multiphase(spec: Spec) -> bool:
+    return spec.multiphase
+
+
+def _walls(spec: Spec) -> bool:
+    return spec.walls
+
+
+def _no_slip(spec: Spec) -> bool:
+    return spec.wall_no_slip
+
+
+def _shifting(spec: Spec) -> bool:
+    return spec.shifting
+
+
+def _interface(spec: Spec) -> bool:
+    return spec.interface
+
+
+def _tension(spec: Spec) -> bool:
+    return spec.tension != "none"
+
+
+def _flagged(spec: Spec) -> bool:
+    return spec.multiphase or any(spec.periodic)
+
+
+@dataclasses.dataclass(frozen=True)
+class Field:
+    """One particle field.
+
+    Attributes:
+        name: also the argument name in kernels.
+        kind: "real", "vec", "pair" (pressure, volume), "int8", "uint8", "int16" or "int32".
+        rows: "fluid", "wall" or "all"; fluid rows come before wall rows.
+        kept: part of the state between steps: follows the sort and is written to checkpoints.
+        exists: whether a `Spec` has the field.
+        unit: SI unit.
+        meaning: one line.
+    """
+
+    name: str
+    kind: str
+    rows: str
+    kept: bool
+    exists: Callable[[Spec], bool]
+    unit: str
+    meaning: str
+
+    def dtype(self, spec: Spec) -> Any:
+        """Return the Warp element type for a `Spec`."""
+        named = {"int8": wp.int8, "uint8": wp.uint8, "int16": wp.int16, "int32": wp.int32}
+        return named.get(self.kind) or getattr(types_of(spec), self.kind)
+
+
+FIELDS: tuple[Field, ...] = (
+    Field("anchor", "vec", "all", True, _always, "m", "position at the last list build"),
+    Field("offset", "vec", "fluid", True, _always, "m", "way since the last list build"),
+    Field("position", "vec", "all", True, _always, "m", "anchor + offset"),
+    Field("velocity", "vec", "all", True, _always, "m/s", "half a step behind the position; of the surface for walls"),
+    Field("acceleration", "vec", "fluid", True, _always, "m/s^2", "of the last momentum sweep"),
+    Field("density_excess", "real", "fluid", True, _always, "-", "rho/rho0 - 1"),
+    Field("rest_volume", "real", "fluid", True, _always, "m^d", "mass / rho0"),
+    Field("state", "pair", "all", True, _always, "Pa, m^d", "pressure and volume"),
+    Field("state_old", "pair", "fluid", False, _always, "Pa, m^d", "state before the continuity sweep"),
+    Field("particle_id", "int32", "all", True, _always, "-", "number given at the start"),
+    Field("phase", "int8", "fluid", True, _multiphase, "-", "index of the fluid phase"),
+    Field("shift", "vec", "fluid", True, _shifting, "m", "shift to apply in the next drift"),
+    Field("carried", "vec", "fluid", True, _shifting, "m/s", "change of velocity that belongs to the shift"),
+    Field("fraction", "real", "fluid", False, _interface, "-", "share of the own phase around a particle"),
+    Field("normal", "vec", "fluid", False, _interface, "1/m", "gradient of the own phase's share"),
+    Field("interface_weight", "real", "fluid", True, _interface, "-", "(|normal| h)^2, zero away from interfaces"),
+    Field("band_curvature", "real", "fluid", False, _tension, "1/m", "curvature before smoothing"),
+    Field("curvature", "real", "fluid", True, _tension, "1/m", "of the interface, positive if the own phase is convex"),
+    Field("wall_body", "int32", "wall", True, _walls, "-", "number of the wall body"),
+    Field("slip", "uint8", "wall", True, _no_slip, "-", "1 on free-slip walls"),
+    Field("mirror_velocity", "vec", "wall", False, _no_slip, "m/s", "velocity that friction on the wall sees"),
+    Field("fluid_neighbours", "int16", "all", False, _always, "-", "fluid particles in the list"),
+    Field("wall_neighbours", "int16", "fluid", False, _walls, "-", "wall particles in the list, after the fluid"),
+    Field("flags", "uint8", "all", False, _flagged, "-", "bits of `pair`: image, first ring, band"),
+    Field("band_mark", "int32", "fluid", False, _interface, "-", "1 in the interface band"),
+    Field("band_sum", "int32", "fluid", False, _interface, "-", "running sum of band_mark"),
+    Field("band", "int32", "fluid", False, _interface, "-", "particles of the interface band, in order"),
+)
+
+
+def fields_of(spec: Spec) -> tuple[Field, ...]:
+    """Return the fields that exist for a `Spec`, in table order."""
+    return tuple(field for field in FIELDS if field.exists(spec))

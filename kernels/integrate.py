@@ -1,0 +1,72 @@
+"""Kick-drift of the leapfrog (methods A10): the closing half kick of one step and the opening one of the next.
+
+    v_{n+1/2} = v_{n-1/2} + (dt_n + dt_{n-1})/2 a_n ;   x_{n+1} = x_n + dt_n v_{n+1/2} + shift
+
+`velocity` holds v_{n-1/2} between steps; the velocity at the time of the positions is v + dt_{n-1}/2 a.
+A position is kept as the anchor of the last list build plus the way since: increments far below the rounding of an
+absolute float32 coordinate are not lost.
+"""
+
+import functools
+from typing import Any
+
+import warp as wp
+
+from .clock import EXCESS_PRESSURE, LAST_STEP, RUNAWAY, STEP
+from .params import make_phase
+from .spec import Spec, types_of
+
+
+@functools.cache
+def make_kick_drift(spec: Spec) -> Any:
+    """Return the kernel that moves the fluid particles and watches speed, way and faults."""
+    real, vec, _, pair = types_of(spec)
+    Phase = make_phase(spec.precision)
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def kick_drift(
+        first: int,
+        slot: int,
+        clock: wp.array(dtype=wp.float64),
+        phases: wp.array(dtype=Phase),
+        phase: wp.array(dtype=wp.int8),
+        acceleration: wp.array(dtype=vec),
+        shift: wp.array(dtype=vec),
+        carried: wp.array(dtype=vec),
+        anchor: wp.array(dtype=vec),
+        state: wp.array(dtype=pair),
+        density_excess: wp.array(dtype=real),
+        velocity: wp.array(dtype=vec),
+        offset: wp.array(dtype=vec),
+        position: wp.array(dtype=vec),
+        state_old: wp.array(dtype=pair),
+        maxima: wp.array(dtype=real),
+        faults: wp.array(dtype=int),
+    ):
+        i = wp.tid() + first
+        v = velocity[i] + acceleration[i] * real(wp.float64(0.5) * (clock[STEP] + clock[LAST_STEP]))
+        way = offset[i] + v * real(clock[STEP])
+        if wp.static(spec.shifting):
+            way += shift[i]
+            v += carried[i]
+        velocity[i] = v
+        offset[i] = way
+        position[i] = anchor[i] + way
+        state_old[i] = state[i]
+        if wp.static(spec.volume_constraint):
+            own = int(0)
+            if wp.static(spec.multiphase):
+                own = int(phase[i])
+            s = density_excess[i]
+            density_excess[i] = s + (real(1.0) + s) * real(clock[EXCESS_PRESSURE]) * phases[own].compressibility
+        v2 = wp.dot(v, v)
+        o2 = wp.dot(way, way)
+        if v2 > maxima[slot * 3]:
+            wp.atomic_max(maxima, slot * 3, v2)
+        if o2 > maxima[slot * 3 + 2]:
+            wp.atomic_max(maxima, slot * 3 + 2, o2)
+        limit = real(clock[RUNAWAY])
+        if not (v2 < limit * limit and wp.abs(density_excess[i]) < real(0.9)):  # NaN fails every comparison
+            wp.atomic_min(faults, slot, i)
+
+    return kick_drift

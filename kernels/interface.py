@@ -1,0 +1,235 @@
+"""Geometry of the interfaces, on the particles of the interface band alone (methods A6).
+
+Everything is seen from a particle's own phase, so that any number of phases needs one number a particle:
+    fraction_i  = sum_{j in own phase} W V_j / sum_j W V_j          (Shepard; the own phase is 1 in the bulk)
+    n_i         = sum_j (c_j - fraction_i) grad_i W V_j              c_j the share of i's phase at j: fraction_j or 1 - fraction_j
+    kappa_i     = div(-n/|n|) = tr(M^-1 D)                            positive where the own phase is convex
+    curvature_i = sum_j w_j kappa_j W / sum_j w_j W,  w = (|n| h)^2   one smoothing pass, first ring
+Walls take no part: a wall is neutral, which leaves a contact angle of 90 degrees.
+"""
+
+import functools
+from typing import Any
+
+import warp as wp
+
+from .clock import BAND_COUNT
+from .pair import NEAR, make_entry, separation_of
+from .params import make_params
+from .smoothing import make_smoothing
+from .spec import SWEEP_OPTIONS, Spec, types_of
+
+
+@functools.cache
+def make_fraction(spec: Spec) -> Any:
+    """Return the kernel of the own-phase fraction."""
+    real, vec, _, pair = types_of(spec)
+    Params = make_params(spec.dimension, spec.precision)
+    shape, _ = make_smoothing(spec.kernel, spec.precision)
+    separation = separation_of(spec)
+    list_begin, list_step = make_entry(spec.row_list)
+
+    @wp.kernel(module="unique", enable_backward=False, module_options=SWEEP_OPTIONS)
+    def own_fraction(
+        first: int,
+        particle_count: int,
+        list_width: int,
+        params: Params,
+        counters: wp.array(dtype=int),
+        band: wp.array(dtype=int),
+        neighbours: wp.array(dtype=int),
+        fluid_neighbours: wp.array(dtype=wp.int16),
+        flags: wp.array(dtype=wp.uint8),
+        phase: wp.array(dtype=wp.int8),
+        position: wp.array(dtype=vec),
+        state: wp.array(dtype=pair),
+        fraction: wp.array(dtype=real),
+    ):
+        t = wp.tid() + first
+        if t >= counters[BAND_COUNT]:
+            return
+        i = band[t]
+        if (int(flags[i]) & NEAR) == 0:
+            fraction[i] = real(1.0)
+            return
+        xi = position[i]
+        own = phase[i]
+        same = shape(real(0.0)) * state[i][1]
+        every = same
+        k = list_begin(i, list_width)
+        step = list_step(particle_count)
+        end = k + int(fluid_neighbours[i]) * step
+        while k < end:
+            j = neighbours[k]
+            k += step
+            d = separation(xi, position[j], True, params)
+            w = shape(wp.sqrt(wp.dot(d, d)) * params.inv_h) * state[j][1]
+            every += w
+            if phase[j] == own:
+                same += w
+        fraction[i] = same / every
+
+    return own_fraction
+
+
+@functools.cache
+def make_normal(spec: Spec) -> Any:
+    """Return the kernel of the fraction's gradient n [1/m] and its weight (|n| h)^2, zero where |n| < 0.01/h."""
+    real, vec, _, pair = types_of(spec)
+    Params = make_params(spec.dimension, spec.precision)
+    _, slope = make_smoothing(spec.kernel, spec.precision)
+    separation = separation_of(spec)
+    list_begin, list_step = make_entry(spec.row_list)
+
+    @wp.kernel(module="unique", enable_backward=False, module_options=SWEEP_OPTIONS)
+    def colour_normal(
+        first: int,
+        particle_count: int,
+        list_width: int,
+        params: Params,
+        counters: wp.array(dtype=int),
+        band: wp.array(dtype=int),
+        neighbours: wp.array(dtype=int),
+        fluid_neighbours: wp.array(dtype=wp.int16),
+        phase: wp.array(dtype=wp.int8),
+        position: wp.array(dtype=vec),
+        state: wp.array(dtype=pair),
+        fraction: wp.array(dtype=real),
+        normal: wp.array(dtype=vec),
+        interface_weight: wp.array(dtype=real),
+    ):
+        t = wp.tid() + first
+        if t >= counters[BAND_COUNT]:
+            return
+        i = band[t]
+        xi = position[i]
+        own = phase[i]
+        f_i = fraction[i]
+        n = vec()
+        k = list_begin(i, list_width)
+        step = list_step(particle_count)
+        end = k + int(fluid_neighbours[i]) * step
+        while k < end:
+            j = neighbours[k]
+            k += step
+            d = separation(xi, position[j], True, params)
+            share = fraction[j]
+            if phase[j] != own:
+                share = real(1.0) - share
+            n += ((share - f_i) * slope(wp.sqrt(wp.dot(d, d)) * params.inv_h) * state[j][1]) * d
+        n = n * params.g_norm
+        strength = wp.length(n) * params.h
+        weight = strength * strength
+        if strength < real(0.01):
+            weight = real(0.0)
+        normal[i] = n
+        interface_weight[i] = weight
+
+    return colour_normal
+
+
+@functools.cache
+def make_curvature(spec: Spec) -> tuple[Any, Any]:
+    """Return the kernels (raw curvature over the band, smoothed curvature over the first ring), in 1/m."""
+    real, vec, mat, pair = types_of(spec)
+    Params = make_params(spec.dimension, spec.precision)
+    shape, slope = make_smoothing(spec.kernel, spec.precision)
+    separation = separation_of(spec)
+    list_begin, list_step = make_entry(spec.row_list)
+    d_real = float(spec.dimension)
+    smallest_moment = 0.02
+
+    @wp.kernel(module="unique", enable_backward=False, module_options=SWEEP_OPTIONS)
+    def raw_curvature(
+        first: int,
+        particle_count: int,
+        list_width: int,
+        params: Params,
+        counters: wp.array(dtype=int),
+        band: wp.array(dtype=int),
+        neighbours: wp.array(dtype=int),
+        fluid_neighbours: wp.array(dtype=wp.int16),
+        phase: wp.array(dtype=wp.int8),
+        position: wp.array(dtype=vec),
+        state: wp.array(dtype=pair),
+        normal: wp.array(dtype=vec),
+        interface_weight: wp.array(dtype=real),
+        band_curvature: wp.array(dtype=real),
+    ):
+        t = wp.tid() + first
+        if t >= counters[BAND_COUNT]:
+            return
+        i = band[t]
+        kappa = real(0.0)
+        if interface_weight[i] > real(0.0):
+            xi = position[i]
+            own = phase[i]
+            unit_i = wp.normalize(normal[i])
+            moment = mat()
+            spread = mat()
+            k = list_begin(i, list_width)
+            step = list_step(particle_count)
+            end = k + int(fluid_neighbours[i]) * step
+            while k < end:
+                j = neighbours[k]
+                k += step
+                if interface_weight[j] > real(0.0):
+                    d = separation(xi, position[j], True, params)
+                    f = slope(wp.sqrt(wp.dot(d, d)) * params.inv_h) * state[j][1] * params.g_norm
+                    unit_j = wp.normalize(normal[j])
+                    if phase[j] != own:
+                        unit_j = -unit_j
+                    moment -= f * wp.outer(d, d)
+                    # normals point into the own phase; kappa is the divergence of the opposite direction
+                    spread += f * wp.outer(d, unit_i - unit_j)
+            if wp.determinant(moment) > real(smallest_moment):
+                kappa = wp.trace(wp.inverse(moment) * spread)
+            else:
+                kappa = real(d_real) * wp.trace(spread) / wp.max(wp.trace(moment), real(1.0e-6))
+            limit = real(2.0) * params.inv_h
+            kappa = wp.clamp(kappa, -limit, limit)
+        band_curvature[i] = kappa
+
+    @wp.kernel(module="unique", enable_backward=False, module_options=SWEEP_OPTIONS)
+    def smooth_curvature(
+        first: int,
+        particle_count: int,
+        list_width: int,
+        params: Params,
+        counters: wp.array(dtype=int),
+        band: wp.array(dtype=int),
+        neighbours: wp.array(dtype=int),
+        fluid_neighbours: wp.array(dtype=wp.int16),
+        phase: wp.array(dtype=wp.int8),
+        position: wp.array(dtype=vec),
+        interface_weight: wp.array(dtype=real),
+        band_curvature: wp.array(dtype=real),
+        curvature: wp.array(dtype=real),
+    ):
+        t = wp.tid() + first
+        if t >= counters[BAND_COUNT]:
+            return
+        i = band[t]
+        kappa = real(0.0)
+        if interface_weight[i] > real(0.0):
+            xi = position[i]
+            own = phase[i]
+            weight = interface_weight[i] * shape(real(0.0))
+            total = weight * band_curvature[i]
+            k = list_begin(i, list_width)
+            step = list_step(particle_count)
+            end = k + int(fluid_neighbours[i]) * step
+            while k < end:
+                j = neighbours[k]
+                k += step
+                d = separation(xi, position[j], True, params)
+                w = interface_weight[j] * shape(wp.sqrt(wp.dot(d, d)) * params.inv_h)
+                weight += w
+                if phase[j] == own:
+                    total += w * band_curvature[j]
+                else:
+                    total -= w * band_curvature[j]
+            kappa = total / weight
+        curvature[i] = kappa
+
+    return raw_curvature, smooth_curvature

@@ -1,0 +1,253 @@
+"""Momentum sweep: pressure from the star states, viscosity, tension, gravity, and the shift (methods A3-A7).
+
+    conservative ("plus"):  a_i = -(2/rho_i) sum_j p*_ij grad_i W V_j
+    corrected ("minus"):    a_i = -(2/rho_i) B_i sum_j (p*_ij - p_i) grad_i W V_j,  B_i = [sum_j |W'| r e(x)e V_j]^-1
+
+The corrected form balances a uniform pressure, a linear one and a Laplace jump exactly for any arrangement; it gives
+up pairwise conservation of momentum and needs the shift to keep particles apart.
+"""
+
+import functools
+from typing import Any
+
+import warp as wp
+
+from .pair import BAND, NEAR, WRAPPED, make_entry, separation_of
+from .params import make_params, make_phase
+from .riemann import make_jump, make_star
+from .smoothing import make_smoothing
+from .spec import SWEEP_OPTIONS, Spec, types_of
+from .viscosity import make_viscosity
+
+
+@functools.cache
+def make_momentum(spec: Spec) -> Any:
+    """Return the momentum sweep of a `Spec`: writes acceleration, and shift with its change of density if asked."""
+    real, vec, mat, pair = types_of(spec)
+    Params = make_params(spec.dimension, spec.precision)
+    Phase = make_phase(spec.precision)
+    _, slope = make_smoothing(spec.kernel, spec.precision)
+    separation = separation_of(spec)
+    list_begin, list_step = make_entry(spec.row_list)
+    _, star_pressure = make_star(spec.precision, spec.paper_star)
+    laplace_jump = make_jump(spec.precision)
+    viscous = spec.viscosity != "none"
+    viscous_term = make_viscosity(spec.viscosity if viscous else "morris", spec.dimension, spec.precision)
+    periodic = any(spec.periodic)
+    jumps = spec.tension == "pressure_jump"
+    body_tension = spec.tension == "body_force"
+    dimension = float(spec.dimension)
+    smallest_moment = 0.1  # determinant below which a neighbourhood is too thin to correct
+
+    @wp.kernel(module="unique", enable_backward=False, module_options=SWEEP_OPTIONS)
+    def momentum(
+        first: int,
+        slot: int,
+        particle_count: int,
+        list_width: int,
+        params: Params,
+        phases: wp.array(dtype=Phase),
+        tension: wp.array(dtype=real),
+        clock: wp.array(dtype=wp.float64),
+        neighbours: wp.array(dtype=int),
+        fluid_neighbours: wp.array(dtype=wp.int16),
+        wall_neighbours: wp.array(dtype=wp.int16),
+        flags: wp.array(dtype=wp.uint8),
+        phase: wp.array(dtype=wp.int8),
+        position: wp.array(dtype=vec),
+        velocity: wp.array(dtype=vec),
+        state: wp.array(dtype=pair),
+        rest_volume: wp.array(dtype=real),
+        curvature: wp.array(dtype=real),
+        interface_weight: wp.array(dtype=real),
+        normal: wp.array(dtype=vec),
+        mirror_velocity: wp.array(dtype=vec),
+        slip: wp.array(dtype=wp.uint8),
+        density_excess: wp.array(dtype=real),
+        acceleration: wp.array(dtype=vec),
+        shift: wp.array(dtype=vec),
+        carried: wp.array(dtype=vec),
+        maxima: wp.array(dtype=real),
+    ):
+        i = wp.tid() + first
+        xi = position[i]
+        vi = velocity[i]
+        state_i = state[i]
+        p_i = state_i[0]
+        own = phases[0]
+        own_phase = int(0)
+        if wp.static(spec.multiphase):
+            own_phase = int(phase[i])
+            own = phases[own_phase]
+        wrapped = bool(False)
+        near = bool(False)
+        band = bool(False)
+        if wp.static(periodic or spec.multiphase):
+            flag = int(flags[i])
+            wrapped = (flag & WRAPPED) != 0
+            near = (flag & NEAR) != 0
+            band = (flag & BAND) != 0
+        rho_i = own.density * rest_volume[i] / state_i[1]
+
+        pressure_sum = vec()  # sum of (p*) or (p* - p_i), times 2 F V x_ij
+        own_sum = vec()  # the same over the own phase alone: its pressure gradient carries the density in a shift
+        viscous_sum = vec()
+        even = vec()  # sum of F V x_ij, zero on an even arrangement
+        flow = mat()  # sum of (v_j - v_i) (x) F V x_ij over the own phase: its velocity gradient
+        repulsion = vec()
+        moment = mat()
+        fluid_count = particle_count - slip.shape[0]
+        k = list_begin(i, list_width)
+        step = list_step(particle_count)
+        end = k + int(fluid_neighbours[i]) * step
+        if wp.static(spec.multiphase):
+            if near:
+                kappa_i = real(0.0)
+                w_i = real(0.0)
+                if wp.static(jumps):
+                    kappa_i = curvature[i]
+                    w_i = interface_weight[i]
+                while k < end:
+                    j = neighbours[k]
+                    k += step
+                    d = separation(xi, position[j], wrapped, params)
+                    r2 = wp.dot(d, d)
+                    state_j = state[j]
+                    f = slope(wp.sqrt(r2) * params.inv_h) * state_j[1]
+                    fd = f * d
+                    if wp.static(spec.corrected):
+                        moment -= wp.outer(d, fd)
+                    if wp.static(spec.shifting):
+                        even += fd
+                    other_phase = int(phase[j])
+                    mu = own.viscosity
+                    if other_phase == own_phase:
+                        if wp.static(spec.shifting):
+                            flow += wp.outer(velocity[j] - vi, fd)
+                        if wp.static(spec.corrected):
+                            own_sum += (state_j[0] - p_i) * fd
+                        else:
+                            pressure_sum += (state_j[0] + p_i) * fd
+                            if wp.static(spec.shifting):
+                                own_sum += (state_j[0] - p_i) * fd
+                    else:
+                        other = phases[other_phase]
+                        jump = real(0.0)
+                        if wp.static(jumps):
+                            sigma = tension[own_phase * phases.shape[0] + other_phase]
+                            jump = laplace_jump(sigma, kappa_i, curvature[j], w_i, interface_weight[j])
+                        p_star = star_pressure(p_i, state_j[0], own.density, other.density, jump)
+                        if wp.static(spec.corrected):
+                            p_star -= p_i
+                        pressure_sum += (real(2.0) * p_star) * fd
+                        if wp.static(viscous):
+                            mu = real(2.0) * mu * other.viscosity / wp.max(mu + other.viscosity, real(1.0e-30))
+                        if wp.static(spec.interface_force):
+                            repulsion += (wp.abs(p_i) + wp.abs(state_j[0])) * fd
+                    if wp.static(viscous):
+                        viscous_sum += (mu * f) * viscous_term(vi - velocity[j], d, r2 + params.tiny, params.inv_h)
+        while k < end:
+            j = neighbours[k]
+            k += step
+            d = separation(xi, position[j], wrapped, params)
+            r2 = wp.dot(d, d)
+            state_j = state[j]
+            f = slope(wp.sqrt(r2) * params.inv_h) * state_j[1]
+            fd = f * d
+            if wp.static(spec.corrected):
+                moment -= wp.outer(d, fd)
+                own_sum += (state_j[0] - p_i) * fd
+            else:
+                pressure_sum += (state_j[0] + p_i) * fd
+                if wp.static(spec.shifting):
+                    own_sum += (state_j[0] - p_i) * fd
+            if wp.static(spec.shifting):
+                even += fd
+                flow += wp.outer(velocity[j] - vi, fd)
+            if wp.static(viscous):
+                viscous_sum += (own.viscosity * f) * viscous_term(
+                    vi - velocity[j], d, r2 + params.tiny, params.inv_h
+                )
+        if wp.static(spec.walls):
+            end += int(wall_neighbours[i]) * step
+            while k < end:
+                j = neighbours[k]
+                k += step
+                d = separation(xi, position[j], wrapped, params)
+                r2 = wp.dot(d, d)
+                f = slope(wp.sqrt(r2) * params.inv_h) * params.wall_volume
+                fd = f * d
+                p_wall = state[j][0]
+                if wp.static(spec.corrected):
+                    moment -= wp.outer(d, fd)
+                    own_sum += (p_wall - p_i) * fd
+                else:
+                    pressure_sum += (p_wall + p_i) * fd
+                    if wp.static(spec.shifting):
+                        own_sum += (p_wall - p_i) * fd
+                if wp.static(spec.shifting):
+                    even += fd
+                if wp.static(spec.wall_no_slip):
+                    if slip[j - fluid_count] == wp.uint8(0):
+                        mirror = mirror_velocity[j - fluid_count]
+                        if wp.static(spec.shifting):
+                            flow += wp.outer(mirror - vi, fd)
+                        viscous_sum += (own.viscosity * f) * viscous_term(
+                            vi - mirror, d, r2 + params.tiny, params.inv_h
+                        )
+
+        g_norm = params.g_norm
+        a = vec()
+        gradient = own_sum * g_norm  # of the pressure, from the own phase [Pa/m]
+        shear = flow * g_norm  # velocity gradient, shear[a, b] = d v_a / d x_b [1/s]
+        if wp.static(spec.corrected):
+            total = (pressure_sum + own_sum) * g_norm
+            m = moment * g_norm
+            if wp.determinant(m) > real(smallest_moment):
+                inverse = wp.inverse(m)
+                total = inverse * total
+                gradient = inverse * gradient
+                if wp.static(spec.shifting):
+                    shear = shear * inverse
+                    if wp.static(viscous):
+                        # Both forms are exact for a quadratic field on an even arrangement: take out what an uneven one
+                        # makes of a linear field, and divide by the second moment (methods 0.2, column L).
+                        if not near:
+                            viscous_sum -= (own.viscosity) * (real(2.0) * (shear * even))
+                            viscous_sum = viscous_sum * (real(dimension) / wp.trace(m))
+            a = total * (real(-1.0) / rho_i)
+        else:
+            a = pressure_sum * (-g_norm / rho_i)
+        if wp.static(viscous):
+            a += viscous_sum * (g_norm / rho_i)
+        if wp.static(spec.interface_force):
+            a -= repulsion * (params.zeta * g_norm / rho_i)
+        if wp.static(body_tension):
+            # F = sigma kappa grad(own fraction): inward where the own phase is convex. One coefficient per own phase.
+            if band:
+                a += normal[i] * (tension[own_phase * phases.shape[0] + own_phase] * curvature[i] / rho_i)
+        if wp.static(spec.gravity):
+            a += params.gravity
+        if wp.static(spec.body_force):
+            a += params.body_force
+        acceleration[i] = a
+
+        if wp.static(spec.shifting):
+            # The flow disorders particles at the rate of its velocity gradient, so the shift works at that rate: a resting
+            # or a uniformly moving fluid is not stirred.
+            dt = real(clock[1])
+            strength = wp.sqrt(wp.ddot(shear, shear)) * dt
+            dx = even * (-params.shifting * strength * params.h * params.h * g_norm)
+            length = wp.length(dx)
+            cap = params.shift_cap * params.h
+            if length > cap:
+                dx = dx * (cap / length)
+            shift[i] = dx
+            # what the particle carries is that of its new place: dv = grad v dx, ds = dx.grad p / (rho0 c^2)
+            carried[i] = shear * dx
+            density_excess[i] = density_excess[i] + wp.dot(dx, gradient) * own.compressibility
+        a2 = wp.dot(a, a)
+        if a2 > maxima[slot * 3 + 1]:
+            wp.atomic_max(maxima, slot * 3 + 1, a2)
+
+    return momentum

@@ -1,0 +1,53 @@
+"""Run-time numbers of a run, one struct; changing any of them recompiles nothing."""
+
+import functools
+from typing import Any
+
+import warp as wp
+
+from .spec import types
+
+
+@functools.cache
+def make_params(dimension: int, precision: str) -> Any:
+    """Return the `Params` struct for a dimension and precision (SI units throughout)."""
+    real, vec, _, _ = types(dimension, precision)
+
+    @wp.struct
+    class Params:
+        h: real  # smoothing length [m]
+        inv_h: real  # 1/h [1/m]
+        w_norm: real  # alpha/h^d, times shape(q) gives W [1/m^d]
+        g_norm: real  # alpha/h^(d+2), times slope(q) gives W'/r [1/m^(d+2)]
+        spacing: real  # particle spacing [m]
+        wall_volume: real  # volume of a wall particle [m^d]
+        box: vec  # period of each periodic axis [m]
+        half_box: vec  # half of it [m]
+        gravity: vec  # hydrostatic acceleration [m/s^2]
+        body_force: vec  # other uniform acceleration [m/s^2]
+        dissipation: real  # factor theta on the pressure difference in the star velocity [-]
+        shifting: real  # shifting coefficient A [-]
+        shift_cap: real  # longest shift of a step as share of h [-]
+        zeta: real  # interface force coefficient [-]
+        tiny: real  # (1e-6 h)^2, keeps divisions by r^2 finite [m^2]
+
+    return Params
+
+
+@functools.cache
+def make_phase(precision: str) -> Any:
+    """Return the `Phase` struct (properties of one fluid phase) for a precision."""
+    real, _, _, _ = types(2, precision)
+
+    @wp.struct
+    class Phase:
+        density: real  # reference density rho0 [kg/m^3]
+        sound_speed: real  # c [m/s]
+        gamma: real  # exponent of the equation of state [-]
+        stiffness: real  # B = rho0 c^2 / gamma [Pa]
+        background: real  # background pressure p0 [Pa]
+        viscosity: real  # dynamic viscosity mu [Pa s]
+        impedance: real  # Z = rho0 c [kg/(m^2 s)]
+        compressibility: real  # 1/(rho0 c^2) [1/Pa]
+
+    return Phase

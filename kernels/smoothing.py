@@ -1,0 +1,156 @@
+"""Smoothing kernels as functions of q = r/h, without their normalisation (methods: table of kernels).
+
+`shape(q)` is w(q) with W = alpha/h^d w(q); `slope(q)` is w'(q)/q, so that grad_i W_ij = alpha/h^(d+2) slope(q) x_ij.
+Both are zero outside the support without a branch, which lets the neighbour sums run over list entries
+inside the skin without testing the distance.
+"""
+
+import dataclasses
+import functools
+import math
+from typing import Any
+
+import warp as wp
+
+from .spec import types
+
+
+@dataclasses.dataclass(frozen=True)
+class SmoothingKernel:
+    """Constants of a kernel: support radius over h, and alpha for one, two and three dimensions."""
+
+    support: float
+    alpha: tuple[float, float, float]
+
+
+def _gaussian_alpha() -> tuple[float, float, float]:
+    """Norms of exp(-q^2) - exp(-9), cut at q = 3, from the exact integrals."""
+    e9, cut = math.exp(-9.0), 3.0
+    erf = math.erf(cut)
+    one = math.sqrt(math.pi) * erf - 2 * cut * e9
+    two = math.pi * (1 - e9) - math.pi * cut**2 * e9
+    three = math.pi**1.5 * erf - 2 * math.pi * cut * e9 - 4 / 3 * math.pi * cut**3 * e9
+    return 1 / one, 1 / two, 1 / three
+
+
+PI = math.pi
+KERNELS: dict[str, SmoothingKernel] = {
+    # (2-q)^4 (1+2q)
+    "wendland_c2": SmoothingKernel(2.0, (3 / 64, 7 / (64 * PI), 21 / (256 * PI))),
+    # (1-s)^6 (1 + 6s + 35/3 s^2), s = q/2
+    "wendland_c4": SmoothingKernel(2.0, (27 / 32, 9 / (4 * PI), 495 / (256 * PI))),
+    # (1-s)^8 (1 + 8s + 25s^2 + 32s^3), s = q/2
+    "wendland_c6": SmoothingKernel(2.0, (15 / 16, 78 / (28 * PI), 1365 / (512 * PI))),
+    "cubic": SmoothingKernel(2.0, (2 / 3, 10 / (7 * PI), 1 / PI)),
+    # 1/(120 pi) in 3-D; the often reprinted 3/(359 pi) is 0.28 % too large
+    "quintic": SmoothingKernel(3.0, (1 / 120, 7 / (478 * PI), 1 / (120 * PI))),
+    # cut at 3h and shifted to be continuous there
+    "gaussian": SmoothingKernel(3.0, _gaussian_alpha()),
+}
+
+
+@functools.cache
+def make_smoothing(name: str, precision: str) -> tuple[Any, Any]:
+    """Return the pair of `wp.func`s (shape, slope) of a kernel; raises KeyError for an unknown name."""
+    real = types(2, precision).real
+    if name == "wendland_c2":
+
+        @wp.func
+        def shape(q: real):
+            u = wp.max(real(2.0) - q, real(0.0))
+            return u * u * u * u * (real(1.0) + real(2.0) * q)
+
+        @wp.func
+        def slope(q: real):
+            u = wp.max(real(2.0) - q, real(0.0))
+            return real(-10.0) * u * u * u
+
+    elif name == "wendland_c4":
+
+        @wp.func
+        def shape(q: real):
+            s = real(0.5) * q
+            u = wp.max(real(1.0) - s, real(0.0))
+            u2 = u * u
+            return u2 * u2 * u2 * (real(1.0) + real(6.0) * s + real(35.0 / 3.0) * s * s)
+
+        @wp.func
+        def slope(q: real):
+            s = real(0.5) * q
+            u = wp.max(real(1.0) - s, real(0.0))
+            u2 = u * u
+            return real(-14.0 / 3.0) * u2 * u2 * u * (real(1.0) + real(5.0) * s)
+
+    elif name == "wendland_c6":
+
+        @wp.func
+        def shape(q: real):
+            s = real(0.5) * q
+            u = wp.max(real(1.0) - s, real(0.0))
+            u4 = u * u * u * u
+            return u4 * u4 * (real(1.0) + s * (real(8.0) + s * (real(25.0) + s * real(32.0))))
+
+        @wp.func
+        def slope(q: real):
+            s = real(0.5) * q
+            u = wp.max(real(1.0) - s, real(0.0))
+            u2 = u * u
+            return real(-5.5) * u2 * u2 * u2 * u * (real(1.0) + s * (real(7.0) + s * real(16.0)))
+
+    elif name == "cubic":
+
+        @wp.func
+        def shape(q: real):
+            a = wp.max(real(2.0) - q, real(0.0))
+            b = wp.max(real(1.0) - q, real(0.0))
+            return real(0.25) * a * a * a - b * b * b
+
+        @wp.func
+        def slope(q: real):
+            a = wp.max(real(2.0) - q, real(0.0))
+            result = real(-0.75) * a * a / wp.max(q, real(1.0))
+            if q < real(1.0):
+                result = real(-3.0) + real(2.25) * q
+            return result
+
+    elif name == "quintic":
+
+        @wp.func
+        def shape(q: real):
+            a = wp.max(real(3.0) - q, real(0.0))
+            b = wp.max(real(2.0) - q, real(0.0))
+            c = wp.max(real(1.0) - q, real(0.0))
+            a2 = a * a
+            b2 = b * b
+            c2 = c * c
+            return a2 * a2 * a - real(6.0) * b2 * b2 * b + real(15.0) * c2 * c2 * c
+
+        @wp.func
+        def slope(q: real):
+            a = wp.max(real(3.0) - q, real(0.0))
+            b = wp.max(real(2.0) - q, real(0.0))
+            a2 = a * a
+            b2 = b * b
+            result = real(-5.0) * (a2 * a2 - real(6.0) * b2 * b2) / wp.max(q, real(1.0))
+            if q < real(1.0):
+                # the three terms cancel as q -> 0: expanded, divided by q
+                result = real(-120.0) + q * q * (real(120.0) - real(50.0) * q)
+            return result
+
+    elif name == "gaussian":
+        cut = math.exp(-9.0)
+
+        @wp.func
+        def shape(q: real):
+            return wp.max(wp.exp(-q * q) - real(cut), real(0.0))
+
+        @wp.func
+        def slope(q: real):
+            result = real(0.0)
+            if q < real(3.0):
+                result = real(-2.0) * wp.exp(-q * q)
+            return result
+
+    else:
+        raise KeyError(name)
+    return shape, slope

@@ -1,0 +1,92 @@
+"""Compile-time structure of a run: everything that decides *which* code exists, and no number.
+
+Two runs with equal `Spec` share every compiled kernel; numbers travel in `params.Params`.
+"""
+
+import dataclasses
+import functools
+from typing import Any, NamedTuple
+
+import warp as wp
+
+# Floating-point freedom the neighbour sums may take on a CPU: reordered sums, fused multiply-add, reciprocals.
+# Not the whole of -ffast-math: NaN and infinity keep their meaning, so a diverging run is still seen.
+SWEEP_OPTIONS: dict[str, Any] = {
+    "fast_math": True,
+    "cpu_compiler_flags": "-march=native -mreassociate -fno-signed-zeros -freciprocal-math -ffp-contract=fast",
+}
+
+
+@dataclasses.dataclass(frozen=True)
+class Spec:
+    """Structure of one run; hashable, the key of every kernel factory.
+
+    Attributes:
+        dimension: number of space dimensions, 1, 2 or 3.
+        precision: "float32" or "float64", of the particle fields.
+        kernel: smoothing kernel, a key of `smoothing.KERNELS`.
+        multiphase: more than one fluid phase.
+        periodic: per axis, whether it is periodic.
+        walls: wall particles exist.
+        wall_no_slip: some wall exerts viscous friction (then `viscosity` is not "none").
+        viscosity: "none", "morris", "radial" or "paper".
+        tension: "none", "pressure_jump" or "body_force".
+        interface: interface normals are evaluated: with tension in every step, else where a gauge asks for them.
+        corrected: corrected ("minus") pressure gradient instead of the conservative ("plus") one.
+        paper_star: arithmetic star states of the printed scheme at interfaces.
+        gravity: a hydrostatic acceleration acts.
+        body_force: an acceleration that pressure does not balance acts.
+        shifting: particles are shifted towards an even arrangement.
+        volume_constraint: the mean pressure follows from the volume of a closed domain.
+        interface_force: pair force that keeps phases apart.
+        dissipation: the pressure difference enters the star velocity.
+        free_surface: an axis is open, so that wall pressure never pulls.
+        row_list: neighbour list stored particle by particle (CPU) instead of neighbour by neighbour (GPU).
+    """
+
+    dimension: int
+    precision: str = "float32"
+    kernel: str = "wendland_c2"
+    multiphase: bool = False
+    periodic: tuple[bool, ...] = (False, False)
+    walls: bool = False
+    wall_no_slip: bool = False
+    viscosity: str = "none"
+    tension: str = "none"
+    interface: bool = False
+    corrected: bool = False
+    paper_star: bool = False
+    gravity: bool = False
+    body_force: bool = False
+    shifting: bool = False
+    volume_constraint: bool = False
+    interface_force: bool = False
+    dissipation: bool = True
+    free_surface: bool = False
+    row_list: bool = True
+
+
+class Types(NamedTuple):
+    """Warp types of a precision and dimension: scalar, vector, square matrix, (pressure, volume) pair."""
+
+    real: Any
+    vec: Any
+    mat: Any
+    pair: Any
+
+
+@functools.cache
+def types(dimension: int, precision: str) -> Types:
+    """Return the Warp types for a dimension (1, 2, 3) and a precision ("float32", "float64")."""
+    real = {"float32": wp.float32, "float64": wp.float64}[precision]
+    return Types(
+        real,
+        wp.types.vector(length=dimension, dtype=real),
+        wp.types.matrix(shape=(dimension, dimension), dtype=real),
+        wp.types.vector(length=2, dtype=real),
+    )
+
+
+def types_of(spec: Spec) -> Types:
+    """Return the Warp types of a `Spec`."""
+    return types(spec.dimension, spec.precision)

@@ -1,0 +1,75 @@
+"""Volume constraint of a closed or periodic domain (prototype of the corrected gradient; no source equation).
+
+The corrected gradient sees pressure differences alone, so the mean pressure is free; it follows from the volume:
+    dP = (sum V - V_box) / sum (V / (rho c^2)),   s_i += (1 + s_i) dP / (rho c^2)
+"""
+
+import functools
+from typing import Any
+
+import warp as wp
+
+from .clock import BOX_VOLUME, CONSTRAINT_INTERVAL, EXCESS_PRESSURE, SINCE_CONSTRAINT
+from .params import make_phase
+from .spec import Spec, types_of
+
+
+@functools.cache
+def make_volume(spec: Spec) -> tuple[Any, Any]:
+    """Return the kernels (sum_volume over blocks, close_volume on one thread); sums in a fixed order, float64."""
+    _, _, _, pair = types_of(spec)
+    Phase = make_phase(spec.precision)
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def sum_volume(
+        first: int,
+        block_count: int,
+        fluid_count: int,
+        counters: wp.array(dtype=int),
+        phases: wp.array(dtype=Phase),
+        phase: wp.array(dtype=wp.int8),
+        state: wp.array(dtype=pair),
+        volume_sums: wp.array(dtype=wp.vec2d),
+    ):
+        block = wp.tid() + first
+        if counters[SINCE_CONSTRAINT] + 1 < CONSTRAINT_INTERVAL:
+            return
+        n = fluid_count
+        k = block
+        step = block_count
+        end = n
+        if wp.static(spec.row_list):
+            chunk = (n + block_count - 1) / block_count
+            k = block * chunk
+            end = wp.min(k + chunk, n)
+            step = 1
+        volume = wp.float64(0.0)
+        softness = wp.float64(0.0)
+        while k < end:
+            own = int(0)
+            if wp.static(spec.multiphase):
+                own = int(phase[k])
+            v = wp.float64(state[k][1])
+            volume += v
+            softness += v * wp.float64(phases[own].compressibility)
+            k += step
+        volume_sums[block] = wp.vec2d(volume, softness)
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def close_volume(
+        block_count: int,
+        clock: wp.array(dtype=wp.float64),
+        counters: wp.array(dtype=int),
+        volume_sums: wp.array(dtype=wp.vec2d),
+    ):
+        since = counters[SINCE_CONSTRAINT] + 1
+        clock[EXCESS_PRESSURE] = wp.float64(0.0)
+        if since >= CONSTRAINT_INTERVAL:
+            since = 0
+            total = wp.vec2d()
+            for block in range(block_count):
+                total += volume_sums[block]
+            clock[EXCESS_PRESSURE] = (total[0] - clock[BOX_VOLUME]) / total[1]
+        counters[SINCE_CONSTRAINT] = since
+
+    return sum_volume, close_volume

@@ -1,0 +1,424 @@
+"""Errors against references: every norm by hand, files and memory alike; what is not comparable says why."""
+
+import math
+
+import numpy as np
+import pytest
+
+from warpsph.case import Case
+from warpsph.comparison import compare, format_comparison, particle_norm
+from warpsph.gauges import GaugeSet
+from warpsph.output import RunFolder
+from warpsph.snapshot import FLUID, WALL, Snapshot
+
+GAUGES = {
+    "energy": {"type": "energy", "interval": 0.1},
+    "jump": {"type": "phase_pressure", "interval": 0.1},
+    "size": {"type": "extents", "interval": 0.1},
+    "profile": {
+        "type": "line",
+        "from": [0.0, -1.0],
+        "to": [0.0, 1.0],
+        "count": 5,
+        "fields": ["velocity"],
+        "times": [0.5, 1.0],
+    },
+}
+
+
+def make_case(reference, source=None) -> Case:
+    return Case.from_dict(
+        {
+            "dimension": 2,
+            "particle_spacing": 0.1,
+            "end_time": 1.0,
+            "domain": {"lower": [-1, -1], "upper": [1, 1], "boundary": {"x": "wall", "y": "wall"}},
+            "phases": {"gas": {"density": 1.0}, "liquid": {"density": 1000.0}},
+            "fluids": [
+                {"phase": "gas", "shape": {"sphere": {"center": [0, 0], "radius": 0.5}}},
+                {"phase": "liquid", "shape": "rest"},
+            ],
+            "gauges": GAUGES,
+            "reference": reference,
+        },
+        source,
+    )
+
+
+def write_gauge(run, name, text):
+    (run / "gauges").mkdir(exist_ok=True, parents=True)
+    (run / "gauges" / f"{name}.csv").write_text(text)
+
+
+def one(case, run=None, **options):
+    (result,) = compare(case, run, **options)
+    return result
+
+
+@pytest.fixture
+def run(tmp_path):
+    """A run folder with hand-made gauges: kinetic = 2 t, gas = 3 + t, liquid = 1."""
+    times = [k / 10 for k in range(11)]
+    write_gauge(
+        tmp_path, "energy", "time [s],kinetic [J/m]\n" + "".join(f"{time},{2 * time}\n" for time in times)
+    )
+    write_gauge(
+        tmp_path,
+        "jump",
+        "time [s],gas [Pa],liquid [Pa],gas - liquid [Pa]\n"
+        + "".join(f"{time},{3 + time},1.0,{2 + time}\n" for time in times),
+    )
+    write_gauge(
+        tmp_path,
+        "profile",
+        "time [s],x [m],y [m],velocity_x [m/s]\n"
+        + "".join(f"{time},0.0,{y},{time * (y + 1)}\n" for time in (0.5, 1.0) for y in (-1, -0.5, 0, 0.5, 1)),
+    )
+    return tmp_path
+
+
+# -- one number --------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("reduce", "value"),
+    [("mean", 1.6), ("max", 2.0), ("min", 1.2), ("final", 2.0), ("rms", math.sqrt(13.2 / 5))],
+)  # fmt: skip
+def test_reductions_in_a_window(run, reduce, value):
+    entry = {"gauge": "energy", "column": "kinetic", "reduce": reduce, "window": [0.6, 1.0], "value": 1.5}
+    result = one(make_case({"decay": {**entry, "allowed": 0.1, "source": "by hand"}}), run)
+    assert result["quantity"] == "decay"
+    assert result["value"] == pytest.approx(value)
+    assert result["reference"] == 1.5
+    assert result["error"] == pytest.approx((value - 1.5) / 1.5)  # signed
+    assert result["passed"] is (abs(value - 1.5) / 1.5 <= 0.1)
+    assert (result["allowed"], result["unit"], result["source"]) == (0.1, "J/m", "by hand")
+    assert result["note"] == ""
+
+
+def test_negative_references_and_errors(run):
+    entry = {"gauge": "energy", "column": "kinetic", "reduce": "final", "value": -2.5, "allowed": 3}
+    result = one(make_case({"a": entry}), run)
+    assert result["error"] == pytest.approx(-1.8)
+    below = one(make_case({"a": {**entry, "value": 4.0, "allowed": 0.1}}), run)
+    assert below["error"] == pytest.approx(-0.5)
+    assert below["passed"] is False
+
+
+def test_a_reference_of_zero_gives_the_absolute_error(run):
+    entry = {"gauge": "energy", "column": "kinetic", "reduce": "max", "value": 0, "allowed": 3}
+    result = one(make_case({"speed": entry}), run)
+    assert result["error"] == pytest.approx(2.0)
+    assert result["passed"] is True
+    assert result["note"].startswith("absolute")
+
+
+@pytest.mark.parametrize(("column", "value"), [("gas - liquid", 3.0), ("liquid - gas", -3.0), ("gas", 4.0)])
+def test_columns_and_arithmetic_of_columns(run, column, value):
+    entry = {"gauge": "jump", "column": column, "reduce": "final", "value": 1}
+    result = one(make_case({"jump": entry}), run)
+    assert result["value"] == pytest.approx(value)
+    assert result["unit"] == "Pa"
+
+
+def test_window_beyond_the_end_is_not_reached(run):
+    entry = {"gauge": "energy", "column": "kinetic", "window": [0.5, 1.0], "value": 1, "allowed": 0.1}
+    case = make_case({"late": entry})
+    rows = (run / "gauges" / "energy.csv").read_text().splitlines(keepends=True)
+    (run / "gauges" / "energy.csv").write_text("".join(rows[:9]))  # up to 0.7
+    result = one(case, run)
+    assert result["value"] is result["error"] is result["passed"] is None
+    assert result["note"] == "not reached: needs t = 1 s, the run ended at 0.7 s"
+    # The gauge need not have a row at the very end of the run.
+    assert one(case, run, end_time=1.0)["value"] == pytest.approx(1.2)
+    assert "ended at 0.9 s" in one(case, run, end_time=0.9)["note"]
+
+
+def test_what_is_missing_becomes_a_note(run):
+    case = make_case({"a": {"gauge": "size", "column": "area gas", "value": 1}})
+    assert "size.csv: cannot be read" in one(case, run)["note"]
+    assert "there is no gauge 'size'" in one(case)["note"]
+    case = make_case({"a": {"gauge": "energy", "column": "magnetic", "value": 1}})
+    assert one(case, run)["note"] == "there is no column 'magnetic'; there are time, kinetic"
+    write_gauge(run, "energy", "time [s],kinetic [J/m]\n")
+    case = make_case({"a": {"gauge": "energy", "column": "kinetic", "value": 1}})
+    assert one(case, run)["note"].startswith("not reached")
+
+
+def test_nan_does_not_pass(run):
+    write_gauge(run, "energy", "time [s],kinetic [J/m]\n0.0,nan\n1.0,1.0\n")
+    case = make_case({"a": {"gauge": "energy", "column": "kinetic", "value": 1, "allowed": 0.5}})
+    result = one(case, run)
+    assert math.isnan(result["error"])
+    assert result["passed"] is False
+    assert "not a finite number" in result["note"]
+
+
+# -- curves over time --------------------------------------------------------------------------------------
+
+
+def curve_case(run, rows, **changes):
+    (run / "ref.csv").write_text("t_ms,KE,note\n" + rows)
+    curve = {"file": "ref.csv", "time": "t_ms", "value": "KE", "scale": 2.0, "time_scale": 1e-3}
+    entry = {"gauge": "energy", "column": "kinetic", "curve": curve, **changes}
+    return make_case({"decay": entry}, run)
+
+
+# Twice the reference's values: 0.4 + 2 t at all times up to 0.5, where the curve ends; the run has 2 t.
+LINE = "0,0.2,\n250,0.45,\n500,0.7,\n"
+
+
+@pytest.mark.parametrize(
+    ("norm", "relative_to", "error"),
+    [
+        ("max", "peak", 0.4 / 1.4),
+        ("max", "initial", 1.0),
+        ("max", "pointwise", 1.0),
+        ("rms", "peak", 0.4 / 1.4),
+        ("rms", "pointwise", math.sqrt(np.mean([(0.4 / (0.4 + 0.2 * k)) ** 2 for k in range(6)]))),
+        ("final", "peak", 0.4 / 1.4),
+        ("final", "initial", 1.0),
+        ("final", "pointwise", 0.4 / 1.4),
+    ],
+)
+def test_curve_norms(run, norm, relative_to, error):
+    result = one(curve_case(run, LINE, norm=norm, relative_to=relative_to, allowed=0.5), run)
+    assert result["error"] == pytest.approx(error)
+    assert result["passed"] is (error <= 0.5)
+    assert "compared over 0 to 0.5 s" in result["note"]
+    assert result["unit"] == "J/m"
+    if norm == "final":
+        assert (result["value"], result["reference"]) == (pytest.approx(1.0), pytest.approx(1.4))
+
+
+def test_curve_names_the_worst_place(run):
+    result = one(curve_case(run, "0,0,\n300,0.3,\n301,9,\n399,9,\n400,0.4,\n1000,1.0,\n"), run)
+    assert result["error"] == pytest.approx(0, abs=1e-12)  # the gauge has no row where the curve is off
+    result = one(curve_case(run, "0,0,\n300,0.3,\n400,0.7,\n500,0.5,\n1000,1.0,\n"), run)
+    assert (result["value"], result["reference"]) == (pytest.approx(0.8), pytest.approx(1.4))
+    assert result["error"] == pytest.approx(0.6 / 2.0)
+    assert "largest at 0.4 s" in result["note"]
+
+
+def test_curve_rows_may_be_out_of_order_or_empty(run):
+    result = one(curve_case(run, "1000,1.0,\n0,0,\n500,,\n200,0.2,x\n"), run)
+    assert result["error"] == pytest.approx(0, abs=1e-12)
+
+
+def test_curve_that_cannot_be_compared(run):
+    assert one(curve_case(run, "5000,1,\n6000,1,\n"), run)["note"].startswith(
+        "not reached: the reference begins at 5 s"
+    )
+    assert "peak value is 0" in one(curve_case(run, "0,0,\n1000,0,\n"), run)["note"]
+    assert "0 everywhere" in one(curve_case(run, "0,0,\n1000,0,\n", relative_to="pointwise"), run)["note"]
+    case = curve_case(run, LINE)
+    (run / "ref.csv").write_text("a,b\n1,2\n")
+    assert one(case, run)["note"] == "ref.csv has no column 't_ms'; it has a, b"
+    (run / "ref.csv").unlink()
+    assert "ref.csv cannot be read" in one(case, run)["note"]
+
+
+# -- profiles ----------------------------------------------------------------------------------------------
+
+
+def profile_case(run, text, columns, **changes):
+    (run / "profile.csv").write_text(text)
+    curves = {"file": "profile.csv", "position": "y", "columns": columns, "scale": 1e-3}
+    entry = {"gauge": "profile", "column": "velocity_x", "curves": curves, **changes}
+    return make_case({"profile": entry}, run)
+
+
+# mm/s over the distance s from the line's start: exactly s/2 at 0.5 s; s with 0.1 m/s more at s = 1 at 1 s.
+PROFILES = "y,u=0.5,u=1\n0,0,0\n1,500,1100\n2,1000,2000\n"
+
+
+def test_profiles_at_two_times(run):
+    columns = {0.5: "u=0.5", 1.0: "u=1"}
+    result = one(profile_case(run, PROFILES, columns, allowed=0.01), run)
+    assert result["error"] == pytest.approx(0.1 / 2.0)
+    assert (result["value"], result["reference"]) == (pytest.approx(1.0), pytest.approx(1.1))
+    assert result["passed"] is False
+    assert "at 0.5 s, 5 % at 1 s" in result["note"]
+    assert "largest at 1 m along the line" in result["note"]
+    differences = np.array([0, 0.05, 0.1, 0.05, 0])
+    cases = [
+        ({"norm": "rms"}, math.sqrt(np.mean((differences / 2) ** 2))),
+        ({"norm": "final"}, math.sqrt(np.mean((differences / 2) ** 2))),
+        ({"relative_to": "pointwise"}, 0.1 / 1.1),
+        ({"relative_to": "initial"}, 0.1 / 1.0),
+    ]
+    for changes, error in cases:
+        assert one(profile_case(run, PROFILES, columns, **changes), run)["error"] == pytest.approx(error)
+
+
+def test_final_profile_alone(run):
+    """The first profile is wrong, the last one right."""
+    text = "y,u=0.5,u=1\n0,0,0\n1,900,1000\n2,1000,2000\n"
+    columns = {0.5: "u=0.5", 1.0: "u=1"}
+    assert one(profile_case(run, text, columns, norm="rms"), run)["error"] > 0.1
+    result = one(profile_case(run, text, columns, norm="final"), run)
+    assert result["error"] == pytest.approx(0, abs=1e-12)
+    assert result["value"] == pytest.approx(math.sqrt(np.mean(np.array([0, 0.5, 1, 1.5, 2]) ** 2)))
+
+
+def test_profiles_of_a_short_run(run):
+    rows = (run / "gauges" / "profile.csv").read_text().splitlines(keepends=True)
+    (run / "gauges" / "profile.csv").write_text("".join(rows[:6]))
+    both = {0.5: "u=0.5", 1.0: "u=1"}
+    result = one(profile_case(run, PROFILES, both, allowed=0.01), run, end_time=0.7)
+    assert result["error"] == pytest.approx(0, abs=1e-12)
+    assert "no rows at 1 s" in result["note"]
+    result = one(profile_case(run, PROFILES, {1.0: "u=1"}), run, end_time=0.7)
+    assert result["error"] is None
+    assert result["note"] == "not reached: needs t = 1 s, the run ended at 0.7 s"
+    case = profile_case(run, PROFILES, both)
+    (run / "profile.csv").write_text("y,u=0.5\n0,0\n")
+    assert "has no column 'u=1'" in one(case, run)["note"]
+
+
+def test_profile_points_beyond_the_reference_are_left_out(run):
+    result = one(profile_case(run, "y,u=0.5\n0.5,250\n1.5,750\n", {0.5: "u=0.5"}), run)
+    assert result["error"] == pytest.approx(0, abs=1e-12)
+    assert result["note"].endswith(" m along the line")
+
+
+# -- particles ---------------------------------------------------------------------------------------------
+
+
+def make_particles(at=0.5) -> Snapshot:
+    """Four fluid particles and a wall particle that must not count."""
+    position = np.array([[0.1, 0.2], [0.3, -0.4], [-0.5, 0.6], [0.7, 0.8], [1.0, 1.0]])
+    n = len(position)
+    return Snapshot(
+        time=at,
+        step=5,
+        dt=0.1,
+        dimension=2,
+        position=position,
+        velocity=np.array([[3.0, 4.0], [0.0, 1.0], [1.0, 0.0], [0.0, 0.0], [99.0, 99.0]]),
+        density=np.full(n, 1000.0),
+        pressure=np.array([1.0, 2.0, 3.0, 6.0, 99.0]),
+        mass=np.ones(n),
+        volume=np.array([1.0, 1.0, 1.0, 2.0, 9.0]),
+        phase=np.array([0, 0, 0, 0, -1], np.int32),
+        particle_id=np.arange(n),
+        kind=np.array([FLUID] * 4 + [WALL], np.uint8),
+        particle_spacing=0.1,
+    )
+
+
+def exact_case(**entry):
+    return make_case({"l1": {"particles": "last", **entry}})
+
+
+def test_l1_of_the_speed():
+    particles = make_particles()
+    case = exact_case(field="speed", exact="2*exp(-t) + x", norm="l1", allowed=0.5)
+    result = one(case, snapshot=particles)
+    exact = 2 * math.exp(-0.5) + particles.position[:4, 0]
+    speed = np.array([5.0, 1.0, 1.0, 0.0])
+    assert result["error"] == pytest.approx(np.mean(np.abs(speed - exact)) / np.mean(np.abs(exact)))
+    assert result["value"] == pytest.approx(1.75)
+    assert result["reference"] == pytest.approx(np.mean(exact))
+    assert (result["unit"], result["note"]) == ("m/s", "at t = 0.5 s")
+
+
+@pytest.mark.parametrize("norm", ["l1", "l2", "max"])
+def test_norms_of_a_vector(norm):
+    particles = make_particles()
+    result = one(exact_case(field="velocity", exact=["y", "-x + t"], norm=norm), snapshot=particles)
+    x, y = particles.position[:4].T
+    exact = np.stack([y, -x + 0.5], axis=1)
+    difference = np.linalg.norm(particles.velocity[:4] - exact, axis=1)
+    length = np.linalg.norm(exact, axis=1)
+    expected = {
+        "l1": difference.mean() / length.mean(),
+        "l2": math.sqrt((difference**2).sum() / (length**2).sum()),
+        "max": difference.max() / length.max(),
+    }
+    assert result["error"] == pytest.approx(expected[norm])
+
+
+def test_pressure_with_and_without_its_mean():
+    particles = make_particles()
+    fluid = particles.fluid
+    exact = 10 * fluid.position[:, 0] ** 2
+    case = exact_case(field="pressure", exact="10*x**2", norm="l2")
+    expected = math.sqrt(np.sum((fluid.pressure - exact) ** 2) / np.sum(exact**2))
+    assert one(case, snapshot=particles)["error"] == pytest.approx(expected)
+
+    class WithoutMean:
+        """The same entry with remove_mean."""
+
+        def __getattr__(self, name):
+            return True if name == "remove_mean" else getattr(case.reference["l1"], name)
+
+    stand_in = type("Case", (), {"reference": {"p": WithoutMean()}, "dimension": 2})()
+    result = one(stand_in, snapshot=particles)
+    p = fluid.pressure - np.average(fluid.pressure, weights=fluid.volume)
+    q = exact - np.average(exact, weights=fluid.volume)
+    assert result["error"] == pytest.approx(math.sqrt(np.sum((p - q) ** 2) / np.sum(q**2)))
+    assert "without the means" in result["note"]
+
+
+def test_exact_rest_gives_the_absolute_error():
+    result = one(exact_case(field="speed", exact=0, norm="max", allowed=6), snapshot=make_particles())
+    assert result["error"] == 5.0
+    assert result["passed"] is True
+    assert result["note"].startswith("absolute")
+
+
+def test_particles_come_from_the_last_frame(tmp_path):
+    case = exact_case(field="pressure", exact="t", norm="max")
+    with RunFolder(tmp_path / "run") as folder:
+        folder.write_particles(make_particles(0.25))
+        folder.write_particles(make_particles(0.5))
+    result = one(case, folder.path)
+    assert result["error"] == pytest.approx(5.5 / 0.5)
+    assert "no particles were written" in one(case, tmp_path)["note"]
+    assert one(case)["note"] == "there are no particles"
+
+
+def test_formula_without_a_finite_value_becomes_a_note():
+    result = one(exact_case(field="speed", exact="1/(x - 0.3)", norm="l1"), snapshot=make_particles())
+    assert result["error"] is None
+    assert "has no finite value" in result["note"]
+
+
+def test_particle_norm_of_equal_fields_is_zero():
+    values = np.random.default_rng(1).normal(size=(9, 2))
+    for norm in ("l1", "l2", "max"):
+        assert particle_norm(values, values, norm)[0] == 0.0
+
+
+# -- from memory, and as text ------------------------------------------------------------------------------
+
+
+def test_gauges_in_memory_count_before_files(run):
+    entry = {"gauge": "energy", "column": "kinetic", "reduce": "final", "value": 1}
+    case = make_case({"decay": entry})
+    with GaugeSet(case) as gauges:
+        gauges.record(make_particles(0.0))
+        assert one(case, run, gauges=gauges)["value"] == pytest.approx(0.5 * 27)
+    assert one(case, run)["value"] == pytest.approx(2.0)
+
+
+def test_text_of_the_results(run):
+    case = make_case(
+        {
+            "jump": {
+                "gauge": "jump",
+                "column": "gas - liquid",
+                "reduce": "final",
+                "value": 2,
+                "allowed": 0.03,
+            },
+            "rest": {"gauge": "energy", "column": "kinetic", "reduce": "max", "value": 0, "allowed": 3},
+            "late": {"gauge": "energy", "column": "kinetic", "window": [0, 1.0], "value": 1},
+        }
+    )
+    lines = format_comparison(compare(case, run, end_time=0.5))
+    assert lines[0] == "jump: 3 Pa, reference 2 Pa, error 50 % (allowed 3 %, EXCEEDED)"
+    assert lines[1].startswith("rest: 2 J/m, reference 0 J/m, error 2 J/m (allowed 3 J/m); absolute error")
+    assert lines[2] == "late: not reached: needs t = 1 s, the run ended at 0.5 s"
+    assert compare(make_case({})) == []

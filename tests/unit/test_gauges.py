@@ -1,0 +1,543 @@
+"""Gauges against numbers that follow by hand, and their CSV files through restarts, kills and full disks."""
+
+import errno
+import math
+import os
+
+import numpy as np
+import pytest
+
+from warpsph.case import Case
+from warpsph.errors import CaseError, OutputError, WarpsphError
+from warpsph.gauges import GaugeSet, PhaseEos, outline, parse_heading, read_gauge, wall_bodies
+from warpsph.snapshot import FLUID, WALL, Snapshot
+
+
+def make_case(gauges, dimension=2, **changes) -> Case:
+    zeros, ones = [-1.0] * dimension, [1.0] * dimension
+    return Case.from_dict(
+        {
+            "dimension": dimension,
+            "particle_spacing": 0.05,
+            "end_time": 1.0,
+            "domain": {"lower": zeros, "upper": ones, "boundary": {"x": "wall", "y": "wall"}},
+            "phases": {"gas": {"density": 1.0, "gamma": 1.4}, "liquid": {"density": 1000.0}},
+            "fluids": [
+                {"phase": "gas", "shape": {"sphere": {"center": [0.0] * dimension, "radius": 0.5}}},
+                {"phase": "liquid", "shape": "rest"},
+            ],
+            "gauges": gauges,
+            **changes,
+        }
+    )
+
+
+def make_snapshot(position, at=0.0, spacing=0.05, **changes) -> Snapshot:
+    position = np.asarray(position, float)
+    n, dimension = position.shape
+    values = dict(
+        time=at,
+        step=0,
+        dt=0.0,
+        dimension=dimension,
+        position=position,
+        velocity=np.zeros((n, dimension)),
+        density=np.ones(n),
+        pressure=np.zeros(n),
+        mass=np.ones(n),
+        volume=np.full(n, spacing**dimension),
+        phase=np.zeros(n, np.int32),
+        particle_id=np.arange(n),
+        kind=np.full(n, FLUID, np.uint8),
+        particle_spacing=spacing,
+    )
+    return Snapshot(**{**values, **changes})
+
+
+def measure(case, snapshot, **options) -> dict[str, float]:
+    """The row of the case's only gauge."""
+    with GaugeSet(case, **options) as gauges:
+        (name,) = gauges.record(snapshot)
+        return {column: values[0] for column, values in gauges.series(name).items()}
+
+
+def lattice(spacing, extent=1.0):
+    axis = np.arange(-extent + spacing / 2, extent, spacing)
+    return np.stack(np.meshgrid(axis, axis), axis=-1).reshape(-1, 2)
+
+
+# -- energy ------------------------------------------------------------------------------------------------
+
+
+def test_energies_of_three_particles():
+    case = make_case({"energy": {"type": "energy", "interval": 0.1}}, gravity=[0, -10.0])
+    particles = make_snapshot(
+        [[0, 1], [0, 2], [5, 0.5], [9, 9]],
+        velocity=np.array([[3, 4], [0, 0], [1, 0], [100, 100]], np.float32),
+        mass=np.array([2.0, 1.0, 4.0, 50.0]),
+        phase=np.array([0, 0, 1, -1], np.int32),
+        kind=np.array([FLUID, FLUID, FLUID, WALL], np.uint8),
+        density=np.array([1.0, 1.0, 1000.0, 7.0]),
+    )
+    row = measure(case, particles)
+    assert "elastic" not in row  # the sound speeds are auto
+    assert row["kinetic"] == pytest.approx(25.0 + 2.0)
+    assert row["potential"] == pytest.approx(20 + 20 + 20)
+    assert row["total"] == pytest.approx(87.0)
+    assert row["kinetic gas"] == pytest.approx(25.0)
+    assert row["total gas"] == pytest.approx(65.0)
+    assert row["kinetic liquid"] == pytest.approx(2.0)
+    assert row["total liquid"] == pytest.approx(22.0)
+    eos = {"gas": PhaseEos(1.0, 10.0, 1.4), "liquid": PhaseEos(1000.0, 10.0, 7.0)}
+    still = measure(case, particles, eos=eos)
+    assert still["elastic"] == 0.0
+    particles.density[0] = 1.1
+    pressed = measure(case, particles, eos=eos)
+    assert pressed["elastic"] == pytest.approx(2.0 * float(eos["gas"].elastic_energy(np.array([1.1]))[0]))
+    assert pressed["total"] == pytest.approx(87.0 + pressed["elastic"])
+    assert pressed["total gas"] == pytest.approx(65.0 + pressed["elastic"])
+
+
+@pytest.mark.parametrize("gamma", [1.0, 1.4, 7.0])
+@pytest.mark.parametrize("background", [0.0, 5.0])
+@pytest.mark.parametrize("end", [0.5, 0.97, 1.02, 1.5])
+def test_elastic_energy_is_the_integral_of_pressure(gamma, background, end):
+    density, speed = 3.0, 20.0
+    eos = PhaseEos(density, speed, gamma, background)
+    stiffness = density * speed**2 / gamma
+    rho = np.linspace(density, end * density, 20001)
+    pressure = stiffness * ((rho / density) ** gamma - 1) + background
+    integral = np.trapezoid(pressure / rho**2, rho)
+    assert float(eos.elastic_energy(np.array(end * density))) == pytest.approx(integral, rel=1e-7)
+
+
+def test_elastic_energy_keeps_its_digits_for_tiny_compressions():
+    s = 1e-7
+    for gamma in (1.0, 1.4, 7.0):
+        energy = float(PhaseEos(1.0, 10.0, gamma).elastic_energy(np.float64(1.0 + s)))
+        assert energy == pytest.approx(0.5 * 100.0 * s**2, rel=1e-5, abs=0)
+
+
+def test_energy_takes_the_sound_speeds_of_the_case():
+    phases = {"gas": {"density": 2.0, "sound_speed": 10.0, "gamma": 1.4}}
+    fluids = [{"phase": "gas", "shape": "rest"}]
+    case = make_case({"e": {"type": "energy", "interval": 0.1}}, phases=phases, fluids=fluids)
+    row = measure(case, make_snapshot([[0, 0]], density=np.array([2.2])))
+    assert row["elastic"] == pytest.approx(float(PhaseEos(2.0, 10.0, 1.4).elastic_energy(np.array(2.2))))
+    assert row["total"] == row["elastic"] > 0
+
+
+# -- momentum ----------------------------------------------------------------------------------------------
+
+
+def test_momentum_in_2d_and_3d():
+    case = make_case({"m": {"type": "momentum", "interval": 0.1}})
+    particles = make_snapshot(
+        [[1, 2], [0, 1], [3, 3]],
+        velocity=np.array([[3.0, -4.0], [2.0, 0.0], [9.0, 9.0]]),
+        mass=np.array([2.0, 1.0, 1.0]),
+        phase=np.array([0, 1, -1], np.int32),
+    )
+    row = measure(case, particles)
+    assert row == {
+        "time": 0.0,
+        "momentum_x": 8.0,
+        "momentum_y": -8.0,
+        "angular_z": 2 * (1 * -4 - 2 * 3) - 1 * 2.0,
+        "scale": 12.0,
+    }
+    case = make_case({"m": {"type": "momentum", "interval": 0.1}}, 3, particle_spacing=0.2)
+    row = measure(case, make_snapshot([[1, 2, 3]], velocity=np.array([[4.0, 5.0, 6.0]])))
+    assert [row[f"angular_{axis}"] for axis in "xyz"] == [-3.0, 6.0, -3.0]
+
+
+# -- pressure ----------------------------------------------------------------------------------------------
+
+
+def test_phase_pressure_is_weighted_with_the_volume():
+    case = make_case({"jump": {"type": "phase_pressure", "interval": 0.1}})
+    particles = make_snapshot(
+        np.zeros((5, 2)),
+        pressure=np.array([1.0, 4.0, -2.0, 6.0, 99.0]),
+        volume=np.array([2.0, 1.0, 1.0, 1.0, 1.0]),
+        phase=np.array([0, 0, 1, 1, -1], np.int32),
+    )
+    row = measure(case, particles)
+    expected = {"time": 0.0, "gas": 2.0, "liquid": 2.0, "gas - liquid": 0.0, "max": 6.0, "min": -2.0}
+    assert row == expected
+    row = measure(case, particles.select(np.array([0, 1])))
+    assert row["gas"] == 2.0
+    assert math.isnan(row["liquid"])
+    assert math.isnan(row["gas - liquid"])
+
+
+def test_every_pair_of_phases_has_a_column():
+    phases = {name: {"density": 1.0} for name in ("a", "b", "c")}
+    fluids = [
+        {"phase": name, "shape": {"box": {"lower": [k / 4, 0], "upper": [(k + 1) / 4, 1]}}}
+        for k, name in enumerate(phases)
+    ]
+    case = make_case({"p": {"type": "phase_pressure", "interval": 0.1}}, phases=phases, fluids=fluids)
+    columns = [column.name for column in GaugeSet(case).gauges["p"].columns]
+    assert columns == ["a", "b", "c", "a - b", "a - c", "b - c", "max", "min"]
+
+
+# -- extents -----------------------------------------------------------------------------------------------
+
+
+def test_extents_of_a_rectangle():
+    case = make_case({"size": {"type": "extents", "interval": 0.1}})
+    spacing = 0.05
+    points = lattice(spacing)
+    inside = (np.abs(points[:, 0] - 0.2) < 0.3) & (np.abs(points[:, 1] + 0.1) < 0.2)
+    row = measure(case, make_snapshot(points[inside]))
+    assert row["lowest_x gas"] == pytest.approx(-0.1 + spacing / 2)
+    assert row["highest_x gas"] == row["front gas"] == pytest.approx(0.5 - spacing / 2)
+    assert row["highest_y gas"] == pytest.approx(0.1 - spacing / 2)
+    assert (row["centroid_x gas"], row["centroid_y gas"]) == (pytest.approx(0.2), pytest.approx(-0.1))
+    assert row["area gas"] == pytest.approx(0.6 * 0.4)
+    assert row["area liquid"] == 0.0
+    assert math.isnan(row["centroid_x liquid"])
+    assert math.isnan(row["circularity liquid"])
+
+
+def test_extents_of_a_broken_state_are_nan():
+    case = make_case({"size": {"type": "extents", "interval": 0.1}})
+    points = lattice(0.05)
+    points[7] = np.nan
+    row = measure(case, make_snapshot(points))
+    assert math.isnan(row["front gas"]) and math.isnan(row["circularity gas"])
+    assert row["area gas"] == pytest.approx(4.0)
+
+
+def test_extents_in_3d_have_a_volume_and_no_outline():
+    case = make_case({"size": {"type": "extents", "interval": 0.1}}, 3, particle_spacing=0.2)
+    row = measure(case, make_snapshot([[0, 0, 0], [0, 0, 1]], spacing=0.2))
+    assert row["volume gas"] == pytest.approx(2 * 0.2**3)
+    assert row["centroid_z gas"] == 0.5
+    assert not any("circularity" in name or "area" in name for name in row)
+
+
+@pytest.mark.parametrize("center", [0.0, 0.9, 1.0, -0.97])
+def test_extents_of_a_drop_across_a_periodic_boundary(center):
+    boundary = {"x": "periodic", "y": "periodic"}
+    domain = {"lower": [-1, -1], "upper": [1, 1], "boundary": boundary}
+    case = make_case({"size": {"type": "extents", "interval": 0.1}}, domain=domain)
+    points = lattice(0.05)
+    points = points[np.hypot(points[:, 0], points[:, 1]) < 0.4]
+    wrapped = np.mod(points + center + 1.0, 2.0) - 1.0
+    row = measure(case, make_snapshot(wrapped))
+    expected = center - 2.0 if center >= 1.0 else center
+    for axis in "xy":
+        # 1.0 and -1.0 are the same place, and rounding decides
+        assert row[f"centroid_{axis} gas"] == pytest.approx(expected, abs=1e-12) or (
+            center == 1.0 and row[f"centroid_{axis} gas"] == pytest.approx(1.0)
+        )
+        width = row[f"highest_{axis} gas"] - row[f"lowest_{axis} gas"]
+        assert width == pytest.approx(points[:, 0].max() - points[:, 0].min())
+    assert row["circularity gas"] > 0.99
+
+
+def test_a_phase_that_goes_all_the_way_round_stays_as_it_is():
+    domain = {"lower": [-1, -1], "upper": [1, 1], "boundary": {"x": "periodic", "y": "wall"}}
+    case = make_case({"size": {"type": "extents", "interval": 0.1}}, domain=domain)
+    points = np.random.default_rng(2).uniform(-1, 1, (5000, 2))
+    row = measure(case, make_snapshot(points))
+    assert (row["lowest_x gas"], row["highest_x gas"]) == (points[:, 0].min(), points[:, 0].max())
+    assert row["centroid_x gas"] == pytest.approx(points[:, 0].mean(), abs=1e-12)
+
+
+# -- outline -----------------------------------------------------------------------------------------------
+
+
+def disc(spacing, radius=0.5, squeeze=1.0, shift=(0.013, 0.007)):
+    points = lattice(spacing, 1.0) + np.array(shift) * spacing / 0.05
+    points = points[np.hypot(points[:, 0] * squeeze, points[:, 1] / squeeze) < radius]
+    return points - points.mean(axis=0)
+
+
+@pytest.mark.parametrize(("spacing", "missing"), [(1 / 26, 3e-3), (1 / 50, 1e-3), (1 / 100, 5e-4)])
+def test_outline_of_a_disc_on_a_lattice(spacing, missing):
+    shape = outline(disc(spacing), spacing)
+    assert 1 - missing < shape.circularity <= 1.0
+    assert shape.roundness < 0.2 * spacing / 0.5
+    assert shape.radius.mean() == pytest.approx(0.5, abs=0.25 * spacing)
+    assert shape.area == pytest.approx(math.pi / 4, rel=1.1 * spacing)
+
+
+def test_outline_of_a_disc_in_rings_is_a_circle():
+    spacing = 0.02
+    radii = np.arange(spacing / 2, 0.5, spacing)
+    rings = []
+    for radius in radii:
+        angle = np.arange(round(2 * math.pi * radius / spacing)) * spacing / radius
+        rings.append(radius * np.stack([np.cos(angle), np.sin(angle)], axis=1))
+    shape = outline(np.concatenate(rings), spacing)
+    assert shape.circularity == pytest.approx(1.0, abs=1e-5)
+    assert shape.radius.mean() == pytest.approx(0.5, abs=1e-3)
+
+
+def test_outline_of_an_ellipse():
+    squeeze = 1.2
+    shape = outline(disc(0.01, squeeze=squeeze), 0.01)
+    angle = np.linspace(0, 2 * math.pi, 100001)
+    a, b = 0.5 / squeeze, 0.5 * squeeze
+    perimeter = np.trapezoid(np.hypot(a * np.sin(angle), b * np.cos(angle)), angle)
+    assert shape.circularity == pytest.approx(2 * math.pi * math.sqrt(a * b) / perimeter, abs=3e-3)
+    theta = np.radians(np.arange(360))
+    exact = 1 / np.hypot(np.cos(theta) / a, np.sin(theta) / b)
+    assert shape.roundness == pytest.approx(exact.std() / exact.mean(), rel=0.02)
+
+
+def test_outline_of_a_tilted_peanut():
+    """Sine and cosine terms together, in a shape whose length depends on their signs."""
+
+    def radius(angle):
+        return 0.5 * (1 + 0.3 * np.cos(2 * angle + math.pi / 4))
+
+    points = lattice(0.004)
+    inside = np.hypot(points[:, 0], points[:, 1]) < radius(np.arctan2(points[:, 1], points[:, 0]))
+    shape = outline(points[inside] - points[inside].mean(axis=0), 0.004)
+    angle = np.linspace(0, 2 * math.pi, 100001)
+    r, slope = radius(angle), -0.3 * np.sin(2 * angle + math.pi / 4)
+    exact = 2 * math.sqrt(math.pi * np.trapezoid(r**2 / 2, angle)) / np.trapezoid(np.hypot(r, slope), angle)
+    assert shape.circularity == pytest.approx(exact, abs=1e-3)
+
+
+def test_outline_of_a_square_is_less_than_one():
+    points = lattice(0.02, 0.5)
+    # Exactly sqrt(pi) / 2 = 0.886; eight modes round the corners off.
+    assert outline(points, 0.02).circularity == pytest.approx(0.91, abs=0.01)
+    assert outline(points, 0.02, modes=40).circularity == pytest.approx(math.sqrt(math.pi) / 2, abs=0.01)
+
+
+def test_outline_does_not_see_a_stray_particle():
+    points = disc(0.02)
+    stray = np.vstack([points, [[0.0, 0.9]], [[0.8, 0.1]]])
+    with_strays, without = outline(stray, 0.02), outline(points, 0.02)
+    assert with_strays.circularity == pytest.approx(without.circularity, abs=1e-4)
+    assert with_strays.area == pytest.approx(without.area, rel=1e-3)
+
+
+@pytest.mark.parametrize("count", [0, 1, 5, 15])
+def test_outline_of_too_few_particles_is_nan(count):
+    assert math.isnan(outline(np.random.default_rng(1).uniform(size=(count, 2)), 0.1).circularity)
+
+
+# -- what the device measures ------------------------------------------------------------------------------
+
+
+def test_interface_length():
+    case = make_case({"surface": {"type": "interface_length", "interval": 0.1}})
+    particles = make_snapshot([[0, 0]], extra={"interface_length": 3.25})
+    assert measure(case, particles) == {"time": 0.0, "interface_length": 3.25}
+    with pytest.raises(WarpsphError, match="gauges.surface.*does not measure 'interface_length'"):
+        measure(case, make_snapshot([[0, 0]]))
+
+
+def test_wall_force_of_each_body_and_of_all():
+    obstacles = [
+        {"shape": {"box": {"lower": [0.6, 0.6], "upper": [0.8, 0.8]}}},
+        {"shape": {"box": {"lower": [-0.8, 0.6], "upper": [-0.6, 0.8]}}, "name": "block"},
+    ]
+    case = make_case({"load": {"type": "wall_force", "interval": 0.1}}, obstacles=obstacles)
+    assert wall_bodies(case) == ["domain", "obstacle_1", "block"]
+    force = {}
+    for k, body in enumerate(wall_bodies(case)):
+        force |= {f"wall_force_x {body}": 1.0 + k, f"wall_force_y {body}": -10.0 * k}
+    row = measure(case, make_snapshot([[0, 0]], extra=force))
+    assert (row["force_x"], row["force_y"]) == (6.0, -30.0)
+    assert (row["force_x block"], row["force_y block"]) == (3.0, -20.0)
+    assert row["force_x domain"] == 1.0
+
+
+def test_two_columns_of_one_name_are_refused():
+    phases = {"max": {"density": 1.0}}
+    fluids = [{"phase": "max", "shape": "rest"}]
+    case = make_case({"p": {"type": "phase_pressure", "interval": 0.1}}, phases=phases, fluids=fluids)
+    with pytest.raises(CaseError, match="gauges.p.*two columns called 'max'"):
+        GaugeSet(case)
+
+
+SAMPLERS = {
+    "probe": {"type": "points", "points": [[0, 0], [0.5, 0.25]], "fields": ["pressure"], "interval": 0.1},
+    "profile": {
+        "type": "line",
+        "from": [0, -1],
+        "to": [0, 1],
+        "count": 5,
+        "fields": ["velocity", "density"],
+        "times": [0.0, 0.5],
+    },
+}
+
+
+def test_samples_give_a_row_a_point(tmp_path):
+    case = make_case(SAMPLERS)
+    with GaugeSet(case, tmp_path) as gauges:
+        np.testing.assert_array_equal(gauges.sample_points["probe"], [[0, 0], [0.5, 0.25]])
+        np.testing.assert_allclose(gauges.sample_points["profile"][:, 1], [-1, -0.5, 0, 0.5, 1])
+        assert gauges.sample_fields == {"probe": ["pressure"], "profile": ["velocity", "density"]}
+        for moment in (0.0, 0.1):
+            samples = {
+                "probe": {"pressure": np.array([1.0, 2.0]) + moment},
+                "profile": {"velocity": np.arange(10.0).reshape(5, 2), "density": np.arange(5.0)},
+            }
+            gauges.record(make_snapshot([[0, 0]], at=moment, samples=samples))
+        with pytest.raises(WarpsphError, match="gauges.probe.*does not sample 'pressure'"):
+            gauges.record(make_snapshot([[0, 0]], at=0.2))
+    assert (tmp_path / "probe.csv").read_text() == (
+        "time [s],x [m],y [m],pressure [Pa]\n"
+        "0.0,0.0,0.0,1.0\n0.0,0.5,0.25,2.0\n"
+        "0.1,0.0,0.0,1.1\n0.1,0.5,0.25,2.1\n"
+    )
+    columns, units = read_gauge(tmp_path / "profile.csv")
+    assert list(columns) == ["time", "x", "y", "velocity_x", "velocity_y", "density"]
+    assert units["velocity_y"] == "m/s"
+    assert len(columns["time"]) == 5  # 0.1 was not one of its times
+    np.testing.assert_array_equal(columns["velocity_y"], [1, 3, 5, 7, 9])
+
+
+# -- schedules, files, memory ------------------------------------------------------------------------------
+
+TWO = {
+    "energy": {"type": "energy", "interval": 0.1},
+    "jump": {"type": "phase_pressure", "times": [0.15, 0.3]},
+}
+
+
+def run(gauges: GaugeSet, start: float, end: float) -> None:
+    """What a run does with its gauges: measure whatever is due, then go on to the next moment."""
+    time = start
+    while True:
+        gauges.record(make_snapshot([[0, 0], [1, 1]], at=time, velocity=np.full((2, 2), time)))
+        if gauges.next_time > end * (1 + 1e-9):
+            return
+        time = gauges.next_time
+
+
+def test_due_times_and_memory():
+    gauges = GaugeSet(make_case(TWO))
+    assert gauges.due(0.0) == ["energy"]
+    assert gauges.needs(["energy", "jump"]) == {"particles"}
+    run(gauges, 0.0, 0.5)
+    np.testing.assert_allclose(gauges.series("energy")["time"], np.arange(6) * 0.1)
+    np.testing.assert_allclose(gauges.series("energy")["kinetic"], 2 * (np.arange(6) * 0.1) ** 2)
+    np.testing.assert_allclose(gauges.series("jump")["time"], [0.15, 0.3])
+    assert gauges.units("jump")["gas - liquid"] == "Pa"
+    with pytest.raises(KeyError, match="no gauge 'nothing'; there are energy, jump"):
+        gauges.series("nothing")
+    assert GaugeSet(make_case({})).next_time == math.inf
+
+
+def test_rows_are_in_the_file_at_once_with_all_digits(tmp_path):
+    gauges = GaugeSet(make_case(TWO), tmp_path)
+    value = 0.1 + 0.2
+    gauges.record(make_snapshot([[0, 0]], velocity=np.array([[value, 0.0]])))
+    head, row = (tmp_path / "energy.csv").read_text().splitlines()
+    assert head.startswith("time [s],kinetic [J/m],potential [J/m],total [J/m],kinetic gas [J/m]")
+    assert float(row.split(",")[1]) == 0.5 * value * value
+    assert (tmp_path / "jump.csv").read_text().count("\n") == 1
+    columns, units = read_gauge(tmp_path / "energy.csv")
+    assert columns["kinetic"][0] == gauges.series("energy")["kinetic"][0]
+    assert units["time"] == "s"
+    gauges.close()
+
+
+@pytest.mark.parametrize("restart", [0.0, 0.2, 0.25, 0.4])
+@pytest.mark.parametrize("cut_off", ["", "0.5,1.", "0.5"])
+def test_restart_gives_the_file_of_an_unbroken_run(tmp_path, restart, cut_off):
+    case = make_case(TWO)
+    for name in ("broken", "whole"):
+        (tmp_path / name).mkdir()
+        with GaugeSet(case, tmp_path / name) as gauges:
+            run(gauges, 0.0, 1.0)
+    with open(tmp_path / "broken" / "energy.csv", "a") as file:
+        file.write(cut_off)  # a row of a process that was killed
+    with GaugeSet(case, tmp_path / "broken", restart_time=restart) as gauges:
+        assert gauges.next_time > restart
+        assert gauges.series("energy")["time"][-1] <= restart
+        run(gauges, restart, 1.0)
+        series = gauges.series("energy")
+    for name in TWO:
+        whole = (tmp_path / "whole" / f"{name}.csv").read_text()
+        assert (tmp_path / "broken" / f"{name}.csv").read_text() == whole
+    np.testing.assert_allclose(series["time"], np.arange(11) * 0.1)
+
+
+def test_restart_measures_what_the_checkpoint_was_faster_than(tmp_path):
+    """Killed between the checkpoint of t = 0.4 and the row of t = 0.4."""
+    case = make_case(TWO)
+    with GaugeSet(case, tmp_path) as gauges:
+        run(gauges, 0.0, 0.3)
+    with GaugeSet(case, tmp_path, restart_time=0.4) as gauges:
+        assert gauges.due(0.4) == ["energy"]
+        run(gauges, 0.4, 0.6)
+        np.testing.assert_allclose(gauges.series("energy")["time"], np.arange(7) * 0.1)
+
+
+def test_restart_drops_a_last_row_without_its_end(tmp_path):
+    """The last number of the row of t = 0.4 lost its last digits; it must not pass for a number."""
+    case = make_case(TWO)
+    with GaugeSet(case, tmp_path) as gauges:
+        run(gauges, 0.0, 0.4)
+    whole = (tmp_path / "energy.csv").read_text()
+    (tmp_path / "energy.csv").write_text(whole[:-3])
+    with GaugeSet(case, tmp_path, restart_time=0.4) as gauges:
+        run(gauges, 0.4, 0.4)
+    assert (tmp_path / "energy.csv").read_text() == whole
+
+
+def test_restart_refuses_other_columns_and_makes_missing_files(tmp_path):
+    with GaugeSet(make_case(TWO), tmp_path) as gauges:
+        run(gauges, 0.0, 0.3)
+    (tmp_path / "jump.csv").unlink()
+    with GaugeSet(make_case(TWO), tmp_path, restart_time=0.2) as gauges:
+        assert gauges.due(0.3) == ["energy", "jump"]
+        assert gauges.due(0.2) == []
+    eos = {name: PhaseEos(1.0, 1.0, 7.0) for name in ("gas", "liquid")}
+    before = (tmp_path / "energy.csv").read_text()
+    with pytest.raises(OutputError, match="energy.csv: cannot be continued: its columns"):
+        GaugeSet(make_case(TWO), tmp_path, eos=eos, restart_time=0.2)
+    assert (tmp_path / "energy.csv").read_text() == before
+
+
+def test_full_disk_leaves_whole_rows(tmp_path):
+    gauges = GaugeSet(make_case(TWO), tmp_path)
+    gauges.record(make_snapshot([[0, 0]]))
+    before = (tmp_path / "energy.csv").read_text()
+    table = gauges._tables["energy"]
+    real = table._file
+
+    class Full:
+        """The file on a disk with room for three more bytes."""
+
+        room = 3
+
+        def __getattr__(self, name):
+            return getattr(real, name)
+
+        def write(self, data):
+            if not self.room:
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+            written, self.room = real.write(data[: self.room]), 0
+            return written
+
+    table._file = Full()
+    with pytest.raises(OutputError, match="energy.csv: the disk is full"):
+        gauges.record(make_snapshot([[0, 0]], at=0.1))
+    assert (tmp_path / "energy.csv").read_text() == before
+    gauges.close()
+
+
+def test_headings_and_broken_files(tmp_path):
+    assert parse_heading("gas - liquid [Pa]") == ("gas - liquid", "Pa")
+    assert parse_heading("t_s") == ("t_s", "")
+    with pytest.raises(OutputError, match=r"none.csv: cannot be read"):
+        read_gauge(tmp_path / "none.csv")
+    (tmp_path / "a.csv").write_text("time [s],x [m]\n0.0,1.0\n0.1\n")
+    with pytest.raises(OutputError, match="does not fit"):
+        read_gauge(tmp_path / "a.csv")
+    (tmp_path / "b.csv").write_text("")
+    with pytest.raises(OutputError, match="is empty"):
+        read_gauge(tmp_path / "b.csv")

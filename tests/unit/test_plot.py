@@ -1,0 +1,219 @@
+"""Pictures from a run folder that is made by hand: what is drawn, of which frames, how large, which units."""
+
+import numpy as np
+import pytest
+
+from warpsph import plot
+from warpsph.errors import CaseError
+from warpsph.output import RunFolder
+from warpsph.snapshot import FLUID, WALL, Snapshot
+
+SPACING = 0.1
+PNG = b"\x89PNG\r\n\x1a\n"
+
+
+def lattice(dimension: int, time: float) -> Snapshot:
+    """Fluid in the unit square or cube, pressure = x + time, velocity = (3, 4, ...), bottom layer as wall."""
+    axis = np.arange(SPACING / 2, 1, SPACING)
+    position = np.stack(np.meshgrid(*[axis] * dimension, indexing="ij"), axis=-1).reshape(-1, dimension)
+    n = len(position)
+    wall = position[:, 1] < SPACING
+    velocity = np.zeros((n, dimension))
+    velocity[:, :2] = 3.0, 4.0
+    return Snapshot(
+        time=time,
+        step=int(10 * time),
+        dt=0.1,
+        dimension=dimension,
+        position=position,
+        velocity=velocity,
+        density=np.full(n, 1000.0),
+        pressure=position[:, 0] + time,
+        mass=np.full(n, 1000.0 * SPACING**dimension),
+        volume=np.full(n, SPACING**dimension),
+        phase=np.where(wall, -1, (position[:, 0] > 0.5).astype(int)).astype(np.int32),
+        particle_id=np.arange(n),
+        kind=np.where(wall, WALL, FLUID).astype(np.uint8),
+        particle_spacing=SPACING,
+    )
+
+
+def make_run(path, dimension=2, times=(0.0, 0.5, 1.0, 1.5, 2.0)):
+    case = "phases: {gas: {density: 1}, liquid: {density: 1000}}\n"
+    fields = ("velocity", "pressure", "phase", "density", "mass")
+    with RunFolder(path, case_text=case, fields=fields) as folder:
+        for time in times:
+            folder.write_particles(lattice(dimension, time))
+    rows = "0.0,1.0,2.0\n0.5,0.5,2.0\n"
+    (path / "gauges" / "energy.csv").write_text("time [s],kinetic [J/m],total [J/m]\n" + rows)
+    (path / "gauges" / "size.csv").write_text("time [s],highest_x gas [m],area gas [m^2]\n0.0,1.0,2.0\n")
+    rows = "".join(f"{t},{x / 20},0.5,{x + 100 * t}\n" for t in (0, 1) for x in range(21))
+    (path / "gauges" / "profile.csv").write_text("time [s],x [m],y [m],pressure [Pa]\n" + rows)
+    rows = "".join(f"{t},{x},0.5,{x + 100 * t}\n" for t in (0, 1, 2) for x in (0.25, 0.75))
+    (path / "gauges" / "probe.csv").write_text("time [s],x [m],y [m],pressure [Pa]\n" + rows)
+    (path / "gauges" / "empty.csv").write_text("time [s],kinetic [J/m]\n")
+    return path
+
+
+@pytest.fixture
+def drawn(monkeypatch):
+    """The figures that a plot would save, in order; the slow writing is tested apart."""
+    figures = []
+
+    def keep(figure, path):
+        figures.append(figure)
+        return path
+
+    monkeypatch.setattr(plot, "_save", keep)
+    return figures
+
+
+def panels(figure):
+    return [axes for axes in figure.axes if axes.get_title()]
+
+
+def discs(axes):
+    """Walls (if any) and fluid of a panel."""
+    return axes.collections
+
+
+def test_default_draws_first_middle_and_last_frame_and_the_gauges(tmp_path, drawn):
+    run = make_run(tmp_path / "run")
+    paths = plot.plot_run(run)
+    assert paths == [run / "plots" / "pressure.png", run / "plots" / "gauges.png"]
+    assert [axes.get_title() for axes in panels(drawn[0])] == ["t = 0 s", "t = 1 s", "t = 2 s"]
+
+
+def test_particles_have_the_size_of_the_spacing_and_walls_are_grey(tmp_path, drawn):
+    plot.plot_run(make_run(tmp_path / "run"), times=[0.6])
+    (axes,) = panels(drawn[0])
+    wall, fluid = discs(axes)
+    # in the units of the axes, and as large as a particle
+    assert np.pi / 4 * fluid.get_widths() ** 2 == pytest.approx([SPACING**2]) and fluid._units == "xy"
+    assert axes.get_aspect() == 1
+    assert len(wall.get_offsets()) == 10 and len(fluid.get_offsets()) == 90
+    assert wall.get_array() is None and len(set(wall.get_facecolor()[0][:3])) == 1
+    # the frame nearest to 0.6 s is that of 0.5 s
+    np.testing.assert_allclose(fluid.get_array(), fluid.get_offsets()[:, 0] + 0.5, rtol=1e-6)
+    assert fluid.get_offsets()[:, 1].min() > SPACING
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "label"),
+    [
+        ("velocity", 5.0, "speed [m/s]"),
+        ("speed", 5.0, "speed [m/s]"),
+        ("velocity_y", 4.0, "velocity y [m/s]"),
+        ("density", 1000.0, "density [kg/m^3]"),
+        ("mass", 10.0, "mass [kg/m]"),
+    ],
+)
+def test_fields_components_magnitudes_and_units(tmp_path, drawn, field, value, label):
+    plot.plot_run(make_run(tmp_path / "run", times=[0.0]), field=field)
+    fluid = discs(panels(drawn[0])[0])[-1]
+    np.testing.assert_allclose(fluid.get_array(), value, rtol=1e-6)
+    assert label in [axes.get_ylabel() for axes in drawn[0].axes]
+
+
+def test_phases_have_their_names(tmp_path, drawn):
+    plot.plot_run(make_run(tmp_path / "run", times=[0.0]), field="phase")
+    bar = drawn[0].axes[-1]
+    assert [text.get_text() for text in bar.get_yticklabels()] == ["gas", "liquid"]
+    fluid = discs(panels(drawn[0])[0])[-1]
+    colours = fluid.to_rgba(fluid.get_array())
+    assert len(np.unique(colours, axis=0)) == 2
+
+
+@pytest.mark.parametrize(("axis", "drawn_axes"), [(None, (0, 1)), ("y", (0, 2)), ("x", (1, 2))])
+def test_three_dimensions_show_a_slice(tmp_path, drawn, axis, drawn_axes):
+    plot.plot_run(make_run(tmp_path / "run", dimension=3, times=[0.0]), field="mass", slice_axis=axis)
+    (panel,) = panels(drawn[0])
+    assert [panel.get_xlabel(), panel.get_ylabel()] == [f"{'xyz'[k]} [m]" for k in drawn_axes]
+    # The middle lies between two layers of the lattice; both are within half a spacing.
+    in_slice = 2 * (100 if axis == "y" else 90)
+    assert len(discs(panel)[-1].get_offsets()) == in_slice
+    assert "mass [kg]" in [axes.get_ylabel() for axes in drawn[0].axes]
+
+
+def test_a_runaway_particle_does_not_stretch_the_colours():
+    values = np.append(np.linspace(1.0, 2.0, 1000), 1e9)
+    _, norm, extend = plot._colour_scale(values)
+    assert norm.vmax < 2.1 and norm.vmin == pytest.approx(1.0) and extend == "max"
+
+
+@pytest.mark.parametrize("values", [np.full(5, 3.0), np.zeros(5), np.full(5, np.nan), np.zeros(0)])
+def test_a_field_without_range_still_gets_a_scale(values):
+    _, norm, _ = plot._colour_scale(values)
+    assert norm.vmin < norm.vmax
+
+
+def test_non_finite_positions_are_drawn_around(tmp_path):
+    run = tmp_path / "run"
+    broken = lattice(2, 0.0)
+    broken.position[-1] = np.nan
+    broken.pressure[-1] = np.inf
+    with RunFolder(run) as folder:
+        folder.write_particles(broken)
+    assert plot.plot_run(run)[0].read_bytes().startswith(PNG)
+
+
+def test_gauges_have_a_panel_for_each_unit(tmp_path, drawn):
+    plot.plot_run(make_run(tmp_path / "run", times=[0.0]))
+    shown = {(axes.get_title(), axes.get_ylabel()): axes for axes in panels(drawn[1])}
+    assert set(shown) == {
+        ("energy", "[J/m]"),
+        ("size", "[m]"),
+        ("size", "[m^2]"),
+        ("profile", "pressure [Pa]"),
+        ("probe", "pressure [Pa]"),
+    }
+    energy = shown["energy", "[J/m]"]
+    assert [line.get_label() for line in energy.lines] == ["kinetic", "total"]
+    np.testing.assert_array_equal(energy.lines[0].get_xydata(), [[0.0, 1.0], [0.5, 0.5]])
+
+
+def test_lines_are_drawn_along_and_points_over_time(tmp_path, drawn):
+    plot.plot_run(make_run(tmp_path / "run", times=[0.0]))
+    shown = {axes.get_title(): axes for axes in panels(drawn[1])}
+    profile, probe = shown["profile"], shown["probe"]
+    assert profile.get_xlabel() == "distance along the line [m]"
+    assert [line.get_label() for line in profile.lines] == ["t = 0 s", "t = 1 s"]
+    np.testing.assert_allclose(profile.lines[1].get_xdata(), np.arange(21) / 20)
+    np.testing.assert_allclose(profile.lines[1].get_ydata(), np.arange(21) + 100)
+    assert probe.get_xlabel() == "t [s]"
+    assert [line.get_label() for line in probe.lines] == ["(0.25, 0.5)", "(0.75, 0.5)"]
+    np.testing.assert_allclose(probe.lines[1].get_xydata(), [[0, 0.75], [1, 100.75], [2, 200.75]])
+
+
+def test_output_names_both_pictures(tmp_path):
+    run = make_run(tmp_path / "run", times=[0.0])
+    paths = plot.plot_run(run, output=tmp_path / "new" / "look.png")
+    assert paths == [tmp_path / "new" / "look.png", tmp_path / "new" / "look_gauges.png"]
+    assert all(path.read_bytes().startswith(PNG) for path in paths)
+
+
+def test_a_run_without_gauges_gives_one_picture(tmp_path):
+    with RunFolder(tmp_path / "run") as folder:
+        folder.write_particles(lattice(2, 0.0))
+    assert [path.name for path in plot.plot_run(tmp_path / "run")] == ["pressure.png"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "expected"),
+    [
+        ({"field": "presure"}, "choose from: .*pressure"),
+        ({"field": "curvature"}, "not in the particle files"),
+        ({"field": "pressure_x"}, "not in the particle files"),
+        ({"slice_axis": "w"}, "choose from: x, y, z"),
+    ],
+)
+def test_what_is_not_there_is_named(tmp_path, arguments, expected):
+    with pytest.raises(CaseError, match=expected):
+        plot.plot_run(make_run(tmp_path / "run", times=[0.0]), **arguments)
+
+
+def test_no_such_run(tmp_path):
+    with pytest.raises(CaseError, match="no such folder"):
+        plot.plot_run(tmp_path / "nothing")
+    with pytest.raises(CaseError, match="no particle files"):
+        plot.plot_run(tmp_path)

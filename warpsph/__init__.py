@@ -1,0 +1,80 @@
+"""warpsph: smoothed particle hydrodynamics on NVIDIA Warp.
+
+    import warpsph
+
+    case = warpsph.load_case("cases/square_droplet.yaml")
+    result = warpsph.run(case.replace({"end_time": 1.0}), device="cpu")
+
+Nothing heavy is imported here: each public name is looked up in its module when it is first used.
+"""
+
+import os
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+__version__ = "0.1.0"
+
+# An installed warpsph contains its kernels. In a checkout they stand in `kernels/`, beside this package.
+_package = os.path.dirname(os.path.abspath(__file__))
+if not os.path.isdir(os.path.join(_package, "kernels")):
+    __path__.append(os.path.dirname(_package))
+
+if TYPE_CHECKING:
+    from warpsph.case import Case
+    from warpsph.case_file import load_case
+    from warpsph.errors import (
+        CapacityError,
+        CaseError,
+        DivergenceError,
+        Interrupted,
+        OutputError,
+        WarpsphError,
+    )
+    from warpsph.plot import plot_run
+    from warpsph.simulation import Simulation, run
+    from warpsph.snapshot import Snapshot
+
+# public name -> the module that defines it
+_PUBLIC = {
+    "CapacityError": "warpsph.errors",
+    "Case": "warpsph.case",
+    "CaseError": "warpsph.errors",
+    "DivergenceError": "warpsph.errors",
+    "Interrupted": "warpsph.errors",
+    "OutputError": "warpsph.errors",
+    "Simulation": "warpsph.simulation",
+    "Snapshot": "warpsph.snapshot",
+    "WarpsphError": "warpsph.errors",
+    "load_case": "warpsph.case_file",
+    "plot_run": "warpsph.plot",
+    "run": "warpsph.simulation",
+}
+
+__all__ = [
+    "CapacityError",
+    "Case",
+    "CaseError",
+    "DivergenceError",
+    "Interrupted",
+    "OutputError",
+    "Simulation",
+    "Snapshot",
+    "WarpsphError",
+    "__version__",
+    "load_case",
+    "plot_run",
+    "run",
+]
+
+
+def __getattr__(name: str) -> Any:
+    module = _PUBLIC.get(name)
+    if module is None:
+        raise AttributeError(f"module 'warpsph' has no attribute {name!r}")
+    value = getattr(import_module(module), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

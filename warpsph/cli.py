@@ -1,0 +1,626 @@
+"""The command line: `python -m warpsph COMMAND`.
+
+Each command loads the case, hands it to the module that does the work and prints what comes back. Other than
+typer everything is imported inside the commands: `--help` answers at once, a command pays for what it uses.
+
+Exit codes: 0 done, 1 unexpected error, 2 bad input, 3 diverged, 4 cannot write, 5 capacity exceeded,
+130 interrupted.
+"""
+
+import errno
+import json
+import math
+import os
+import sys
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from warpsph.case import Case
+    from warpsph.errors import Problem
+
+app = typer.Typer(
+    name="warpsph",
+    help="Smoothed particle hydrodynamics on NVIDIA Warp.",
+    no_args_is_help=True,
+    add_completion=False,
+    rich_markup_mode=None,  # help without rich: rich takes longer to import than all the rest
+    pretty_exceptions_enable=False,
+)
+
+PLAIN_PROGRESS_INTERVAL = 5.0
+"""Seconds between two progress lines where there is no terminal to draw a bar on."""
+
+
+class Precision(StrEnum):
+    """Floating-point type of the particle state."""
+
+    float32 = "float32"
+    float64 = "float64"
+
+
+CaseFile = Annotated[Path, typer.Argument(metavar="CASE", help="Case file (YAML).", show_default=False)]
+Overrides = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set", metavar="KEY=VALUE", help="Change a value of the case, e.g. phases.oil.density=900."
+    ),
+]
+PrecisionOption = Annotated[Precision | None, typer.Option("--precision", help="Same as --set precision=...")]
+EndTime = Annotated[
+    float | None, typer.Option("--end-time", metavar="SECONDS", help="Same as --set end_time=...")
+]
+Debug = Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")]
+
+
+@app.command()
+def run(
+    case: CaseFile,
+    device: Annotated[str | None, typer.Option(help="Device to run on: cpu, cuda:0, ...")] = None,
+    precision: PrecisionOption = None,
+    threads: Annotated[int | None, typer.Option(min=1, help="CPU threads (default: all).")] = None,
+    output: Annotated[
+        Path | None, typer.Option(help="Run folder, new or empty (default: runs/CASE).")
+    ] = None,
+    overrides: Overrides = None,
+    end_time: EndTime = None,
+    restart: Annotated[Path | None, typer.Option(help="Checkpoint, or run folder, to continue from.")] = None,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Check and show the case, do not run it.")
+    ] = False,
+    debug: Debug = False,
+) -> None:
+    """Run a case and write its run folder."""
+    folder: Path | None = None
+    with _reported(debug, lambda: folder):
+        from warpsph.errors import CaseError
+
+        # Everything that is wrong with the command is reported at once, the file's problems and the options'.
+        problems = [
+            *_output_problems(output, restart),
+            *_device_problems(device),
+            *_restart_problems(restart),
+        ]
+        try:
+            loaded = _load(case, overrides, precision, end_time)
+        except CaseError as error:
+            problems = [*error.problems, *problems]
+        if problems:
+            raise CaseError(problems)
+
+        if dry_run:
+            _print_estimate(loaded)
+            _print_plan(loaded)
+            return
+
+        _quieten_warp(debug)
+        from warpsph.simulation import Simulation
+
+        folder = _claim_output(case, output, restart)
+        choices = {"device": device, "threads": threads, "restart": restart}
+        try:
+            simulation = Simulation(
+                loaded, output=folder, **{key: value for key, value in choices.items() if value is not None}
+            )
+            print(f"{case} -> {folder}", flush=True)
+            with _progress_display() as show_progress:
+                simulation.run(progress=show_progress)
+        except BaseException:
+            with suppress(OSError):  # only removes a folder into which nothing was written
+                folder.rmdir()
+            raise
+        _print_summary(simulation.summary, folder)
+
+
+@app.command()
+def check(
+    case: CaseFile,
+    precision: PrecisionOption = None,
+    overrides: Overrides = None,
+    end_time: EndTime = None,
+    debug: Debug = False,
+) -> None:
+    """Validate a case; print particle counts, memory, time step and estimated time."""
+    with _reported(debug):
+        _print_estimate(_load(case, overrides, precision, end_time))
+
+
+@app.command()
+def show(
+    case: CaseFile,
+    precision: PrecisionOption = None,
+    overrides: Overrides = None,
+    end_time: EndTime = None,
+    debug: Debug = False,
+) -> None:
+    """Print the resolved case and the stages of one step, and why others are absent."""
+    with _reported(debug):
+        _print_plan(_load(case, overrides, precision, end_time))
+
+
+@app.command()
+def new(
+    name: Annotated[Path, typer.Argument(metavar="NAME", help="Name of the case; writes NAME.yaml.")],
+    debug: Debug = False,
+) -> None:
+    """Write a commented case to start from."""
+    with _reported(debug):
+        path = name if name.suffix in (".yaml", ".yml") else name.with_name(name.name + ".yaml")
+        text = Path(__file__).with_name("starter.yaml").read_text(encoding="utf-8")
+        try:
+            with path.open("x", encoding="utf-8") as file:
+                file.write(text.replace("NAME", path.stem))
+        except FileExistsError:
+            _refuse("NAME", str(path), "exists already", "choose another name")
+        except OSError as error:
+            from warpsph.errors import OutputError
+
+            raise OutputError(f"cannot write {path}: {error.strerror}") from error
+        print(f"{path} written; try: python -m warpsph check {path}")
+
+
+@app.command()
+def schema(debug: Debug = False) -> None:
+    """Print the JSON schema of case files, for completion in editors."""
+    with _reported(debug):
+        from warpsph.case import case_schema
+
+        print(json.dumps(case_schema(), indent=2))
+
+
+@app.command()
+def plot(
+    folder: Annotated[Path, typer.Argument(metavar="RUN", help="Run folder.", show_default=False)],
+    field: Annotated[
+        str, typer.Option(help="Field to colour the particles by, e.g. speed, velocity_x.")
+    ] = "pressure",
+    times: Annotated[
+        str | None, typer.Option(metavar="T1,T2,...", help="Times in s (default: first, middle and last).")
+    ] = None,
+    output: Annotated[Path | None, typer.Option(help="PNG file (default: RUN/plots/FIELD.png).")] = None,
+    debug: Debug = False,
+) -> None:
+    """Draw the particles of a run and its gauge curves."""
+    with _reported(debug):
+        from warpsph.plot import plot_run
+
+        for path in plot_run(folder, field=field, times=_parse_times(times), output=output):
+            print(path)
+
+
+@app.command()
+def info(debug: Debug = False) -> None:
+    """Print versions, devices, threads and where compiled kernels are kept."""
+    with _reported(debug):
+        _print_info()
+
+
+def main() -> None:
+    """Entry point of `python -m warpsph` and of the `warpsph` command."""
+    app(prog_name="python -m warpsph")
+
+
+# ---- errors ----------------------------------------------------------------------------------------------
+
+
+@contextmanager
+def _reported(debug: bool, run_folder: Callable[[], Path | None] = lambda: None) -> Iterator[None]:
+    """Turn exceptions into a message on stderr and an exit code.
+
+    An unexpected exception leaves its traceback in a file: in the run folder if there is one, else in a
+    temporary file.
+    """
+    try:
+        yield
+    except (typer.Exit, typer.Abort, typer.BadParameter):
+        raise
+    except KeyboardInterrupt:
+        _say("interrupted")
+        raise typer.Exit(130) from None
+    except Exception as error:
+        if isinstance(error, OSError) and error.errno == errno.EPIPE:
+            raise  # the reader of our output went away (`... | head`); typer ends quietly
+        from warpsph.errors import WarpsphError
+
+        if isinstance(error, WarpsphError):
+            if debug:
+                import traceback
+
+                traceback.print_exc()
+            else:
+                _say(str(error))
+            raise typer.Exit(error.exit_code) from None
+        if debug:
+            raise
+        _say(f"unexpected {type(error).__name__}: {error}\ntraceback in {_write_traceback(run_folder())}")
+        raise typer.Exit(1) from None
+
+
+def _say(message: str) -> None:
+    print(message, file=sys.stderr, flush=True)
+
+
+def _write_traceback(folder: Path | None) -> str:
+    """Write the traceback of the exception being handled to a file and return where it is."""
+    import tempfile
+    import traceback
+
+    text = f"{' '.join(sys.argv)}\n\n{traceback.format_exc()}"
+    if folder is not None:
+        with suppress(OSError):
+            folder.mkdir(parents=True, exist_ok=True)
+            path = folder / "traceback.txt"
+            path.write_text(text, encoding="utf-8")
+            return str(path)
+    try:
+        with tempfile.NamedTemporaryFile(
+            "w", prefix="warpsph-", suffix=".txt", delete=False, encoding="utf-8"
+        ) as file:
+            file.write(text)
+            return file.name
+    except OSError:
+        return f"no file (no place to write it):\n{text}"
+
+
+def _problem(path: str, value: Any, rule: str, remedy: str) -> "Problem":
+    from warpsph.errors import Problem
+
+    return Problem(path, value, rule, remedy)
+
+
+def _refuse(path: str, value: Any, rule: str, remedy: str) -> None:
+    from warpsph.errors import CaseError
+
+    raise CaseError([_problem(path, value, rule, remedy)])
+
+
+# ---- input -----------------------------------------------------------------------------------------------
+
+
+def _load(
+    path: Path, overrides: list[str] | None, precision: Precision | None = None, end_time: float | None = None
+) -> "Case":
+    """Load a case with the changes of the command line; the named options win over --set."""
+    from warpsph.case_file import load_case
+
+    changes = list(overrides or [])
+    if precision is not None:
+        changes.append(f"precision={precision.value}")
+    if end_time is not None:
+        changes.append(f"end_time={end_time!r}")
+    return load_case(path, overrides=changes)
+
+
+def _in_use(folder: Path) -> bool:
+    """True if something is there already that a run would mix with or overwrite."""
+    return folder.exists() and (not folder.is_dir() or any(folder.iterdir()))
+
+
+def _restarted_run(restart: Path) -> Path:
+    """Run folder that a checkpoint, or the run folder itself, belongs to."""
+    if restart.is_dir():
+        return restart.parent if restart.name == "checkpoint" else restart
+    return restart.parent.parent if restart.parent.name == "checkpoint" else restart.parent
+
+
+def _output_problems(output: Path | None, restart: Path | None) -> "list[Problem]":
+    if output is None or not _in_use(output):
+        return []
+    if restart is not None and output.resolve() == _restarted_run(restart).resolve():
+        return []  # the run continues in its own folder
+    return [_problem("--output", str(output), "folder in use", "name a folder that is new or empty")]
+
+
+def _restart_problems(restart: Path | None) -> "list[Problem]":
+    if restart is None or restart.exists():
+        return []
+    return [
+        _problem(
+            "--restart", str(restart), "no such file or folder", "name a checkpoint/*.h5 or a run folder"
+        )
+    ]
+
+
+def _device_problems(device: str | None) -> "list[Problem]":
+    if device is None or device == "cpu":
+        return []  # always there: no need to start Warp to find out
+    _quieten_warp(False)
+    import warp
+
+    names = [str(known) for known in warp.get_devices()]
+    if device in names or (device == "cuda" and warp.is_cuda_available()):
+        return []
+    return [_problem("--device", device, "no such device here", f"choose from: {', '.join(names)}")]
+
+
+def _claim_output(case: Path, output: Path | None, restart: Path | None) -> Path:
+    """Create the run folder and return it.
+
+    Without --output a restart goes on in its own folder, and a new run takes the first free name of
+    runs/CASE, runs/CASE_2, ... Creating it here lets two runs that start together get two folders.
+    """
+    try:
+        if output is not None or restart is not None:
+            folder = output if output is not None else _restarted_run(restart)  # type: ignore[arg-type]
+            folder.mkdir(parents=True, exist_ok=True)
+            return folder
+        number = 1
+        while True:
+            folder = Path("runs", case.stem if number == 1 else f"{case.stem}_{number}")
+            try:
+                folder.mkdir(parents=True)
+                return folder
+            except FileExistsError:
+                number += 1
+    except OSError as error:
+        from warpsph.errors import OutputError
+
+        raise OutputError(f"cannot create the run folder {error.filename}: {error.strerror}") from error
+
+
+def _parse_times(text: str | None) -> list[float] | None:
+    if text is None:
+        return None
+    try:
+        return [float(part) for part in text.split(",")]
+    except ValueError:
+        raise typer.BadParameter(
+            "needs numbers separated by commas, e.g. 0,0.5,1", param_hint="--times"
+        ) from None
+
+
+def _quieten_warp(debug: bool) -> None:
+    """Keep Warp's start-up and compilation messages out of the output, unless --debug asks for them."""
+    if debug:
+        return
+    import warp
+
+    settings: Any = warp.config
+    if hasattr(settings, "log_level"):
+        settings.log_level = warp.LOG_WARNING
+    else:
+        settings.quiet = True
+
+
+# ---- output ----------------------------------------------------------------------------------------------
+
+
+def _console() -> "Console":
+    from rich.console import Console
+
+    # Without a terminal rich would wrap tables to 80 columns.
+    return Console(highlight=False, markup=False, width=None if sys.stdout.isatty() else 110)
+
+
+def _print_table(title: str, columns: Iterable[str], rows: Iterable[Iterable[Any]], align: str = "") -> None:
+    """Print a table; `align` has an l or r for each column (default: all l)."""
+    from rich import box
+    from rich.table import Table
+    from rich.text import Text
+
+    columns = list(columns)
+    table = Table(
+        title=title or None,
+        box=box.SIMPLE_HEAD,
+        show_header=any(columns),
+        title_justify="left",
+        title_style="bold",
+    )
+    for column, side in zip(columns, align or "l" * len(columns), strict=True):
+        table.add_column(column, justify="right" if side == "r" else "left", overflow="fold")
+    for row in rows:
+        table.add_row(*(cell if isinstance(cell, Text) else Text(_format(cell)) for cell in row))
+    _console().print(table)
+
+
+def _format(value: Any) -> str:
+    """Short text for a cell: numbers with four digits, nothing for None."""
+    if value is None:
+        return ""
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, int):
+        return f"{value:,}".replace(",", " ")
+    if isinstance(value, float):
+        return f"{value:.4g}"
+    if isinstance(value, Mapping):
+        return ", ".join(f"{key} {_format(entry)}" for key, entry in value.items())
+    if isinstance(value, list | tuple):
+        return ", ".join(_format(entry) for entry in value)
+    return str(value)
+
+
+def _duration(seconds: float | None) -> str:
+    """'42 s', '3 min 20 s', '2 h 05 min'; '?' if unknown."""
+    if seconds is None or not math.isfinite(seconds):
+        return "?"
+    if seconds < 60:
+        return f"{seconds:.2g} s" if seconds < 10 else f"{seconds:.0f} s"
+    minutes, rest = divmod(round(seconds), 60)
+    if minutes < 60:
+        return f"{minutes} min {rest:02d} s"
+    return f"{minutes // 60} h {minutes % 60:02d} min"
+
+
+def _print_estimate(case: "Case") -> None:
+    _quieten_warp(False)
+    from warpsph.simulation import estimate
+
+    found = estimate(case)
+    rows = [
+        ("fluid particles", found.get("particles")),
+        ("wall particles", found.get("walls")),
+        ("memory", None if found.get("memory_bytes") is None else f"{found['memory_bytes'] / 2**20:.1f} MiB"),
+        ("time step", None if found.get("dt") is None else f"{found['dt']:.3g} s"),
+        ("steps", found.get("steps")),
+        ("estimated time", _duration(found.get("seconds"))),
+    ]
+    _print_table(case.title or "Case", ["", ""], [row for row in rows if row[1] is not None])
+    for warning in found.get("warnings", []):
+        _say(f"warning: {warning}")
+
+
+def _print_plan(case: "Case") -> None:
+    _quieten_warp(False)
+    from warpsph.case_file import dump_yaml
+    from warpsph.simulation import describe
+
+    plan = describe(case)
+    print(f"# resolved case\n{dump_yaml(plan['resolved'])}")
+    _print_table("Structure", ["choice", "value"], plan["structure"].items())
+    _print_table(
+        "Stages of one step, in order",
+        ["", "stage", "why"],
+        [(str(number), stage["name"], stage["reason"]) for number, stage in enumerate(plan["stages"], 1)],
+    )
+    if plan["absent"]:
+        _print_table(
+            "Absent", ["stage", "why"], [(stage["name"], stage["reason"]) for stage in plan["absent"]]
+        )
+
+
+def _progress_display() -> AbstractContextManager[Callable[[Any], None]]:
+    """Context that yields the callback which shows the progress of a run."""
+    return _progress_bar() if sys.stdout.isatty() else nullcontext(_progress_lines())
+
+
+def _progress_lines() -> Callable[[Any], None]:
+    """Callback that prints a line now and then."""
+    last = -math.inf
+
+    def show_progress(p: Any) -> None:
+        nonlocal last
+        now = time.monotonic()
+        if now - last >= PLAIN_PROGRESS_INTERVAL or p.time >= p.end_time:
+            last = now
+            print(
+                f"t {p.time:.5g} of {p.end_time:g} s  step {p.step}  dt {p.dt:.3g} s  {p.mups:.3g} Mups  "
+                f"{100 * p.share:.1f} %  {_duration(p.seconds_left)} left",
+                flush=True,
+            )
+
+    return show_progress
+
+
+@contextmanager
+def _progress_bar() -> Iterator[Callable[[Any], None]]:
+    """Callback that draws a bar on the terminal."""
+    from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
+
+    with Progress(
+        TextColumn("t {task.fields[time]}"),
+        BarColumn(),
+        TaskProgressColumn(),
+        TextColumn(
+            "step {task.fields[step]}  dt {task.fields[dt]}  {task.fields[mups]} Mups  "
+            "{task.fields[left]} left"
+        ),
+        console=_console(),
+    ) as progress:
+        task = progress.add_task("", total=1.0, time="0 s", step="0", dt="?", mups="?", left="?")
+
+        def show_progress(p: Any) -> None:
+            progress.update(
+                task,
+                completed=p.share,
+                time=f"{p.time:.5g} / {p.end_time:g} s",
+                step=str(p.step),
+                dt=f"{p.dt:.3g} s",
+                mups=f"{p.mups:.3g}",
+                left=_duration(p.seconds_left),
+            )
+
+        yield show_progress
+
+
+def _print_summary(summary: Mapping[str, Any], folder: Path) -> None:
+    """Comparison with the reference, time per stage and one line about the run."""
+    rows = [_comparison_row(entry) for entry in _comparisons(summary)]
+    if rows:
+        columns = ["quantity", "value", "reference", "error", "allowed", "note"]
+        _print_table("Against the reference", columns, rows, align="lrrrrl")
+
+    timings = {stage: _seconds(entry) for stage, entry in summary.get("timings", {}).items()}
+    total = sum(timings.values())
+    if total > 0:
+        _print_table(
+            "Time per stage",
+            ["stage", "s", "%"],
+            [(stage, f"{spent:.3f}", f"{100 * spent / total:.1f}") for stage, spent in timings.items()],
+            align="lrr",
+        )
+    facts = [
+        f"{_format(summary['particles'])} particles" if "particles" in summary else "",
+        f"{_format(summary['steps'])} steps" if "steps" in summary else "",
+        _duration(summary["wall_seconds"]) if "wall_seconds" in summary else "",
+        " ".join(str(summary[key]) for key in ("device", "precision") if key in summary),
+        str(folder),
+    ]
+    print(", ".join(fact for fact in facts if fact))
+
+
+def _comparisons(summary: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    """Entries of the comparison, each with its quantity, from a list of them or a mapping by quantity."""
+    errors = summary.get("errors") or []
+    if isinstance(errors, Mapping):
+        return [{"quantity": quantity, **entry} for quantity, entry in errors.items()]
+    return list(errors)
+
+
+def _comparison_row(entry: Mapping[str, Any]) -> list[Any]:
+    """Cells of one compared quantity; an error that is too large, or no number, is marked."""
+    from rich.text import Text
+
+    unit, note = entry.get("unit") or "", entry.get("note") or ""
+    error, allowed = entry.get("error"), entry.get("allowed")
+
+    def share(value: float | None) -> str:
+        """Errors are relative unless the note says otherwise."""
+        return _format(value) if value is None or note.startswith("absolute") else f"{100 * value:.3g} %"
+
+    shown = Text(share(error))
+    if error is not None and allowed is not None:
+        # NaN is not within the limit.
+        shown = Text(share(error), "green") if abs(error) <= allowed else Text(f"! {share(error)}", "red")
+    name = entry["quantity"] if unit in ("", "1") else f"{entry['quantity']} [{unit}]"
+    return [name, entry.get("value"), entry.get("reference"), shown, share(allowed), note]
+
+
+def _seconds(timing: Any) -> float:
+    """Seconds of a timing that is a number or a mapping with `seconds`."""
+    return float(timing["seconds"] if isinstance(timing, Mapping) else timing)
+
+
+def _print_info() -> None:
+    import platform
+    from importlib.metadata import PackageNotFoundError, version
+
+    import warpsph
+
+    _quieten_warp(False)
+    import warp
+
+    warp.init()
+    rows: list[tuple[str, Any]] = [("warpsph", warpsph.__version__), ("Python", platform.python_version())]
+    for package in ("warp-lang", "numpy", "h5py", "pyvista", "vtk", "pydantic", "matplotlib"):
+        try:
+            rows.append((package, version(package)))
+        except PackageNotFoundError:
+            rows.append((package, "not installed"))
+    rows.append(("machine", f"{platform.system()} {platform.machine()}"))
+    for device in warp.get_devices():
+        memory = f", {device.total_memory / 2**30:.0f} GiB" if device.is_cuda else ""
+        rows.append((f"device {device}", f"{device.name}{memory}"))
+    rows.append(
+        ("CPU threads", len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count())
+    )
+    rows.append(("kernel cache", warp.config.kernel_cache_dir))
+    _print_table("", ["", ""], rows)

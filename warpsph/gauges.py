@@ -1,0 +1,709 @@
+"""Gauges: numbers measured while a run goes on, one CSV file each.
+
+| type | columns | needs |
+|---|---|---|
+| energy | kinetic, potential, elastic, total, and `kinetic gas`, `total gas` ... for each phase | particles |
+| momentum | momentum_x ..., angular_z (3-D: x, y, z), scale | particles |
+| phase_pressure | the name of each phase, `gas - liquid` ..., max, min | particles |
+| extents | `lowest_x gas`, `highest_x gas`, `centroid_x gas` ..., `front gas`, `area gas` ... | particles |
+| interface_length | interface_length | extra |
+| wall_force | force_x ..., and `force_x block` ... for each body | extra |
+| points, line | position and fields, one row for each point | samples |
+
+To add one: a class with `columns` and `rows`, and its name in GAUGES.
+
+The files start with a line of names and units, `time [s],kinetic [J/m]`; numbers are written with all their
+digits and each row is on its way to the disk before the next step is done. In 2-D every quantity is per
+metre of depth.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+
+from warpsph.errors import CaseError, OutputError, Problem, WarpsphError
+from warpsph.output import Schedule, whole_file, write_failure
+from warpsph.snapshot import Snapshot
+
+AXES = ("x", "y", "z")
+
+
+@dataclass(frozen=True)
+class Column:
+    """Name and unit of one column of a gauge."""
+
+    name: str
+    unit: str
+
+    def __str__(self) -> str:
+        return f"{self.name} [{self.unit}]"
+
+
+@dataclass(frozen=True)
+class PhaseEos:
+    """Equation of state of a phase: p = B ((rho/rho0)^gamma - 1) + background, with B = rho0 c^2 / gamma."""
+
+    density: float
+    """rho0 [kg/m^3]"""
+    sound_speed: float
+    """c [m/s]"""
+    gamma: float
+    background_pressure: float = 0.0
+    """[Pa]"""
+
+    def elastic_energy(self, density: np.ndarray) -> np.ndarray:
+        """Energy stored by compressing from rho0 to `density` [J/kg]: the integral of p / rho^2 over rho."""
+        s = np.asarray(density, np.float64) / self.density - 1.0
+        # Both terms are of size s and their sum of size s^2: expm1 and log1p keep the digits of a small s.
+        log = np.log1p(s)
+        power = log if self.gamma == 1.0 else np.expm1((self.gamma - 1.0) * log) / (self.gamma - 1.0)
+        loss = s / (1.0 + s)
+        stiffness = self.sound_speed**2 / self.gamma
+        return stiffness * (power - loss) + self.background_pressure / self.density * loss
+
+
+class Gauge:
+    """Base of all gauges: what one measures from a snapshot."""
+
+    needs: ClassVar[str] = "particles"
+    """what of the snapshot is looked at: `particles`, `extra` or `samples`"""
+
+    def __init__(self, name: str, spec: Any, case: Any) -> None:
+        self.name = name
+        self.spec = spec
+        self.dimension: int = case.dimension
+        self.phase_names: list[str] = list(case.phase_names)
+
+    @property
+    def axes(self) -> tuple[str, ...]:
+        return AXES[: self.dimension]
+
+    def unit(self, three_d: str, two_d: str) -> str:
+        """The unit in this dimension."""
+        return three_d if self.dimension == 3 else two_d
+
+    @property
+    def columns(self) -> list[Column]:
+        """Names and units of the columns after the time."""
+        raise NotImplementedError
+
+    def row(self, snapshot: Snapshot) -> list[float]:
+        """One number for each column."""
+        raise NotImplementedError
+
+    def rows(self, snapshot: Snapshot) -> np.ndarray:
+        """(rows, columns) float64; one row, except for gauges of many points."""
+        return np.asarray([self.row(snapshot)], np.float64)
+
+
+def _by_phase(snapshot: Snapshot, values: np.ndarray, count: int) -> np.ndarray:
+    """Sum of `values` (n,) for each phase, (count,) float64, from the fluid particles."""
+    fluid = snapshot.phase >= 0
+    return np.bincount(snapshot.phase[fluid], np.asarray(values[fluid], np.float64), minlength=count)
+
+
+class EnergyGauge(Gauge):
+    """Energies of the fluid [J]: kinetic, potential = -sum m g.x, elastic (see PhaseEos) and their total.
+
+    Without equations of state (`eos`) the column `elastic` is left out and not part of the total.
+    """
+
+    def __init__(self, name: str, spec: Any, case: Any, eos: Mapping[str, PhaseEos] | None = None) -> None:
+        super().__init__(name, spec, case)
+        self.gravity = np.asarray(case.gravity, np.float64)
+        self.eos = eos if eos is not None else _eos_of_case(case)
+
+    @property
+    def columns(self) -> list[Column]:
+        unit = self.unit("J", "J/m")
+        names = ["kinetic", "potential", *(["elastic"] if self.eos else []), "total"]
+        for phase in self.phase_names:
+            names += [f"kinetic {phase}", f"total {phase}"]
+        return [Column(name, unit) for name in names]
+
+    def row(self, snapshot: Snapshot) -> list[float]:
+        count = len(self.phase_names)
+        mass = np.asarray(snapshot.mass, np.float64)
+        velocity = np.asarray(snapshot.velocity, np.float64)
+        kinetic = _by_phase(snapshot, 0.5 * mass * np.einsum("ij,ij->i", velocity, velocity), count)
+        potential = -_by_phase(snapshot, mass * (snapshot.position @ self.gravity), count)
+        total = kinetic + potential
+        result = [kinetic.sum(), potential.sum()]
+        if self.eos:
+            elastic = np.zeros(count)
+            for index, name in enumerate(self.phase_names):
+                mine = snapshot.phase == index
+                elastic[index] = mass[mine] @ self.eos[name].elastic_energy(snapshot.density[mine])
+            total += elastic
+            result.append(elastic.sum())
+        result.append(total.sum())
+        for index in range(count):
+            result += [kinetic[index], total[index]]
+        return result
+
+
+def _eos_of_case(case: Any) -> dict[str, PhaseEos] | None:
+    """Equations of state, if the case gives every number; None if one is `auto`."""
+    result = {}
+    for name, phase in case.phases.items():
+        numbers = (phase.density, phase.sound_speed, phase.gamma, phase.background_pressure)
+        if not all(isinstance(number, (int, float)) for number in numbers):
+            return None
+        result[name] = PhaseEos(*(float(number) for number in numbers))
+    return result
+
+
+class MomentumGauge(Gauge):
+    """Linear and angular momentum of the fluid, the latter about the origin.
+
+    `scale` is the sum of m |v|, to which a drift of the momentum can be compared.
+    """
+
+    @property
+    def columns(self) -> list[Column]:
+        linear, angular = self.unit("kg m/s", "kg/s"), self.unit("kg m^2/s", "kg m/s")
+        spins = AXES if self.dimension == 3 else ("z",)
+        return [
+            *(Column(f"momentum_{axis}", linear) for axis in self.axes),
+            *(Column(f"angular_{axis}", angular) for axis in spins),
+            Column("scale", linear),
+        ]
+
+    def row(self, snapshot: Snapshot) -> list[float]:
+        fluid = snapshot.phase >= 0
+        mass = np.asarray(snapshot.mass[fluid], np.float64)
+        momentum = mass[:, None] * np.asarray(snapshot.velocity[fluid], np.float64)
+        position = snapshot.position[fluid]
+        if self.dimension == 3:
+            angular = np.cross(position, momentum).sum(axis=0)
+        else:
+            angular = np.array([position[:, 0] @ momentum[:, 1] - position[:, 1] @ momentum[:, 0]])
+        scale = np.sqrt(np.einsum("ij,ij->i", momentum, momentum)).sum()
+        return [*momentum.sum(axis=0), *angular, scale]
+
+
+class PhasePressureGauge(Gauge):
+    """Pressure averaged over the volume of each phase, the difference of each two, and the extremes [Pa].
+
+    The column of a pair is named in the order of the case's phases, `gas - liquid`. A phase without
+    particles has nan.
+    """
+
+    @property
+    def columns(self) -> list[Column]:
+        pairs = [f"{first} - {second}" for first, second in combinations(self.phase_names, 2)]
+        return [Column(name, "Pa") for name in [*self.phase_names, *pairs, "max", "min"]]
+
+    def row(self, snapshot: Snapshot) -> list[float]:
+        count = len(self.phase_names)
+        volume = _by_phase(snapshot, snapshot.volume, count)
+        product = _by_phase(snapshot, np.asarray(snapshot.pressure, np.float64) * snapshot.volume, count)
+        mean = np.divide(product, volume, out=np.full(count, np.nan), where=volume > 0)
+        pressure = snapshot.pressure[snapshot.phase >= 0]
+        extremes = [pressure.max(), pressure.min()] if len(pressure) else [math.nan, math.nan]
+        return [*mean, *(first - second for first, second in combinations(mean, 2)), *extremes]
+
+
+class ExtentsGauge(Gauge):
+    """Where each phase is, how large and how round.
+
+    - `lowest_x`, `highest_x` ...: the outermost particle centres; the surface is half a particle spacing
+      further out
+    - `front`: the same as `highest_x`
+    - `centroid_x` ...: weighted with the volume
+    - `area` (3-D: `volume`): the sum of the particles' volumes
+    - `circularity`, `roundness` (2-D): see `outline`; they mean something for one compact, star-shaped patch
+
+    Along a periodic axis a phase that does not fill the axis is put together first, so that a drop that
+    crosses the boundary is still one drop; its centroid is inside the domain, its ends may reach beyond. A
+    phase without particles has nan, and area 0.
+    """
+
+    def __init__(self, name: str, spec: Any, case: Any) -> None:
+        super().__init__(name, spec, case)
+        self.periodic = tuple(case.periodic)
+        self.lower = np.asarray(case.domain.lower, np.float64)
+        self.upper = np.asarray(case.domain.upper, np.float64)
+
+    @property
+    def columns(self) -> list[Column]:
+        result = []
+        for phase in self.phase_names:
+            for quantity in ("lowest", "highest", "centroid"):
+                result += [Column(f"{quantity}_{axis} {phase}", "m") for axis in self.axes]
+            result.append(Column(f"front {phase}", "m"))
+            if self.dimension == 2:
+                result.append(Column(f"area {phase}", "m^2"))
+                result += [Column(f"circularity {phase}", "1"), Column(f"roundness {phase}", "1")]
+            else:
+                result.append(Column(f"volume {phase}", "m^3"))
+        return result
+
+    def row(self, snapshot: Snapshot) -> list[float]:
+        result: list[float] = []
+        for index in range(len(self.phase_names)):
+            mine = snapshot.phase == index
+            volume = np.asarray(snapshot.volume[mine], np.float64)
+            position = snapshot.position[mine]
+            if not len(volume) or not np.isfinite(position).all():
+                result += [math.nan] * (3 * self.dimension + 1) + [float(volume.sum())]
+                result += [math.nan] * 2 if self.dimension == 2 else []
+                continue
+            position = self._together(position, volume, snapshot.particle_spacing)
+            total = volume.sum()
+            centroid = volume @ position / total
+            highest = position.max(axis=0)
+            result += [*position.min(axis=0), *highest, *centroid, highest[0], total]
+            if self.dimension == 2:
+                shape = outline(position - centroid, snapshot.particle_spacing)
+                result += [shape.circularity, shape.roundness]
+        return result
+
+    def _together(self, position: np.ndarray, volume: np.ndarray, spacing: float) -> np.ndarray:
+        """Positions with the periodic axes cut where the phase has its widest gap."""
+        position = np.array(position, np.float64)
+        for axis in range(self.dimension):
+            if not self.periodic[axis]:
+                continue
+            length = self.upper[axis] - self.lower[axis]
+            bins = max(int(length / spacing), 1)
+            index = ((position[:, axis] - self.lower[axis]) / length * bins).astype(np.int64) % bins
+            occupied = np.flatnonzero(np.bincount(index, minlength=bins))
+            gaps = np.diff(np.append(occupied, occupied[0] + bins)) - 1
+            if gaps.max() < 2:  # the phase goes all the way round
+                continue
+            start = occupied[(int(gaps.argmax()) + 1) % len(occupied)]
+            # Half a bin below the start: a particle on a bin's lower edge may be rounded to either side of
+            # it.
+            cut = self.lower[axis] + (start - 0.5) * length / bins
+            x = cut + np.mod(position[:, axis] - cut, length)
+            position[:, axis] = x - length * np.floor((volume @ x / volume.sum() - self.lower[axis]) / length)
+        return position
+
+
+@dataclass(frozen=True)
+class Outline:
+    """The smoothed outline r(theta) of a patch of particles in 2-D."""
+
+    radius: np.ndarray
+    """(360,) distance from the centre at theta = 0, 1, 2 ... degrees [m]"""
+    area: float
+    """enclosed by the outline [m^2]"""
+    perimeter: float
+    """[m]"""
+
+    @property
+    def circularity(self) -> float:
+        """2 sqrt(pi area) / perimeter: 1 for a circle, 0.91 for a square (8 modes blunt its corners)."""
+        return 2.0 * math.sqrt(math.pi * self.area) / self.perimeter
+
+    @property
+    def roundness(self) -> float:
+        """Standard deviation of r(theta) over its mean: 0 for a circle."""
+        return float(self.radius.std() / self.radius.mean())
+
+
+def outline(offset: np.ndarray, spacing: float, modes: int = 8) -> Outline:
+    """The smoothed outline of particles at `offset` (n, 2) from their centroid [m]; nan for too few of them.
+
+    The plane is cut into sectors about two spacings wide at the rim, and the outermost particle of each is
+    taken. Through these a Fourier series r(theta) of at most `modes` modes is fitted by least squares and
+    moved out by half a spacing, from the centres to the surface. Points further than three spacings (or a
+    tenth of the radius) from the fit are left out and the fit repeated, so that a few strays do not count.
+    Area and perimeter both belong to this outline, so its circularity never exceeds 1; the lattice alone
+    takes about 0.002 from it at 15 particles a radius.
+    """
+    angle = np.arctan2(offset[:, 1], offset[:, 0])
+    distance = np.hypot(offset[:, 0], offset[:, 1])
+    # The radius of the disc with this many particles; 2 spacings a sector leave each one a particle of the
+    # outer layer.
+    size = math.sqrt(max(len(offset), 1) / math.pi)
+    sectors = min(int(math.pi * size), 180)
+    theta = np.radians(np.arange(360))
+    if sectors < 8:
+        return Outline(np.full(360, math.nan), math.nan, math.nan)
+    sector = np.minimum(((angle + math.pi) / (2 * math.pi) * sectors).astype(np.int64), sectors - 1)
+    rim = np.zeros(sectors)
+    np.maximum.at(rim, sector, distance)
+    outermost = np.flatnonzero(distance == rim[sector])
+    angle, distance = angle[outermost], distance[outermost]
+    modes = min(modes, (len(outermost) - 1) // 3)
+    basis = _fourier(angle, modes)
+    kept = np.ones(len(angle), bool)
+    allowed = max(3.0 * spacing, 0.1 * size * spacing)
+    for _ in range(5):
+        coefficients = np.linalg.lstsq(basis[kept], distance[kept], rcond=None)[0]
+        near = np.abs(basis @ coefficients - distance) <= allowed
+        if np.array_equal(near, kept) or near.sum() < basis.shape[1]:
+            break
+        kept = near
+    radius = np.maximum(_fourier(theta, modes) @ coefficients + 0.5 * spacing, 0.0)
+    orders = np.arange(1, modes + 1)
+    cosines, sines = coefficients[1 : modes + 1], coefficients[modes + 1 :]
+    slope = np.cos(np.outer(theta, orders)) @ (orders * sines) - np.sin(np.outer(theta, orders)) @ (
+        orders * cosines
+    )
+    # The mean over whole periods is the exact integral of r^2, and all but exact for the length.
+    area = math.pi * float(np.mean(radius**2))
+    perimeter = 2.0 * math.pi * float(np.mean(np.hypot(radius, slope)))
+    return Outline(radius, area, perimeter)
+
+
+def _fourier(angle: np.ndarray, modes: int) -> np.ndarray:
+    """(n, 1 + 2 modes): 1, cos(k angle), sin(k angle)."""
+    phase = np.outer(angle, np.arange(1, modes + 1))
+    return np.hstack([np.ones((len(angle), 1)), np.cos(phase), np.sin(phase)])
+
+
+class InterfaceLengthGauge(Gauge):
+    """Length (3-D: area) of all interfaces between phases, as the device measured it."""
+
+    needs: ClassVar[str] = "extra"
+
+    @property
+    def columns(self) -> list[Column]:
+        return [Column("interface_length", self.unit("m^2", "m"))]
+
+    def row(self, snapshot: Snapshot) -> list[float]:
+        return [_extra(self, snapshot, "interface_length")]
+
+
+def wall_bodies(case: Any) -> list[str]:
+    """Names of the solid bodies of a case, as in `wall_force_x <body>`: `domain` if it has walls, then the
+    obstacles.
+
+    An obstacle without a name is called obstacle_1, obstacle_2 ... by its place in the list.
+    """
+    names = [obstacle.name or f"obstacle_{place}" for place, obstacle in enumerate(case.obstacles, 1)]
+    at_domain = any("wall" in (axis.lower.kind, axis.upper.kind) for axis in case.sides)
+    return (["domain"] if at_domain else []) + names
+
+
+class WallForceGauge(Gauge):
+    """Force of the fluid on the walls: of all bodies together, and of each (`wall_bodies`)."""
+
+    needs: ClassVar[str] = "extra"
+
+    def __init__(self, name: str, spec: Any, case: Any) -> None:
+        super().__init__(name, spec, case)
+        self.bodies = wall_bodies(case)
+
+    @property
+    def columns(self) -> list[Column]:
+        unit = self.unit("N", "N/m")
+        return [
+            *(Column(f"force_{axis}", unit) for axis in self.axes),
+            *(Column(f"force_{axis} {body}", unit) for body in self.bodies for axis in self.axes),
+        ]
+
+    def row(self, snapshot: Snapshot) -> list[float]:
+        forces = np.array(
+            [
+                [_extra(self, snapshot, f"wall_force_{axis} {body}") for axis in self.axes]
+                for body in self.bodies
+            ]
+        ).reshape(-1, self.dimension)
+        return [*forces.sum(axis=0), *forces.ravel()]
+
+
+def _extra(gauge: Gauge, snapshot: Snapshot, key: str) -> float:
+    if key not in snapshot.extra:
+        known = ", ".join(sorted(snapshot.extra)) or "nothing"
+        raise WarpsphError(f"gauges.{gauge.name}: this scene does not measure {key!r} (it measures {known})")
+    return float(snapshot.extra[key])
+
+
+# Fields that can be sampled, and their units.
+FIELD_UNITS = {
+    "velocity": "m/s",
+    "acceleration": "m/s^2",
+    "density": "kg/m^3",
+    "pressure": "Pa",
+    "volume": "m^3",
+    "phase": "1",
+    "curvature": "1/m",
+    "normal": "1",
+}
+VECTOR_FIELDS = ("velocity", "acceleration", "normal")
+
+
+class PointsGauge(Gauge):
+    """Fields at given points: one row for each point and time, with the point's position.
+
+    The values come interpolated in `snapshot.samples[name][field]`, (points,) or (points, dimension).
+    """
+
+    needs: ClassVar[str] = "samples"
+
+    def __init__(self, name: str, spec: Any, case: Any) -> None:
+        super().__init__(name, spec, case)
+        self.fields: list[str] = list(spec.fields)
+        self.points = self._points()
+
+    def _points(self) -> np.ndarray:
+        return np.asarray(self.spec.points, np.float64).reshape(-1, self.dimension)
+
+    @property
+    def columns(self) -> list[Column]:
+        result = [Column(axis, "m") for axis in self.axes]
+        for name in self.fields:
+            unit = self.unit("m^3", "m^2") if name == "volume" else FIELD_UNITS[name]
+            if name in VECTOR_FIELDS:
+                result += [Column(f"{name}_{axis}", unit) for axis in self.axes]
+            else:
+                result.append(Column(name, unit))
+        return result
+
+    def rows(self, snapshot: Snapshot) -> np.ndarray:
+        samples = snapshot.samples.get(self.name, {})
+        parts = [self.points]
+        for name in self.fields:
+            if name not in samples:
+                raise WarpsphError(f"gauges.{self.name}: this scene does not sample {name!r}")
+            width = self.dimension if name in VECTOR_FIELDS else 1
+            parts.append(np.asarray(samples[name], np.float64).reshape(len(self.points), width))
+        return np.hstack(parts)
+
+    def row(self, snapshot: Snapshot) -> list[float]:
+        """The row of the first point."""
+        return list(self.rows(snapshot)[0])
+
+
+class LineGauge(PointsGauge):
+    """Fields at `count` points spread evenly from `from` to `to`, both ends included."""
+
+    def _points(self) -> np.ndarray:
+        start, end = np.asarray(self.spec.from_, np.float64), np.asarray(self.spec.to, np.float64)
+        share = np.linspace(0.0, 1.0, self.spec.count)[:, None]
+        return (1.0 - share) * start + share * end
+
+
+GAUGES: dict[str, type[Gauge]] = {
+    "energy": EnergyGauge,
+    "momentum": MomentumGauge,
+    "phase_pressure": PhasePressureGauge,
+    "extents": ExtentsGauge,
+    "interface_length": InterfaceLengthGauge,
+    "wall_force": WallForceGauge,
+    "points": PointsGauge,
+    "line": LineGauge,
+}
+
+
+# ------------------------------------------------------------------------------------------------------------
+# CSV files
+
+
+def parse_heading(cell: str) -> tuple[str, str]:
+    """Name and unit of a heading `name [unit]`; the unit is empty if there is none."""
+    name, bracket, rest = cell.strip().rpartition(" [")
+    return (name, rest.rstrip("]")) if bracket else (cell.strip(), "")
+
+
+def read_gauge(path: Path) -> tuple[dict[str, np.ndarray], dict[str, str]]:
+    """Columns of a gauge's file and their units, both by name; the time comes first. Raises OutputError."""
+    try:
+        text = path.read_text(encoding="utf-8")
+    except OSError as error:
+        raise OutputError(f"{path}: cannot be read: {error.strerror or error}") from error
+    lines = list(csv.reader(io.StringIO(text)))
+    if not lines:
+        raise OutputError(f"{path}: is empty")
+    heading = [parse_heading(cell) for cell in lines[0]]
+    try:
+        rows = np.array([[float(cell) for cell in line] for line in lines[1:]], np.float64)
+        rows = rows.reshape(len(lines) - 1, len(heading))
+    except ValueError as error:
+        raise OutputError(f"{path}: has a row that does not fit its heading: {error}") from error
+    return {name: rows[:, k] for k, (name, _) in enumerate(heading)}, dict(heading)
+
+
+class _Table:
+    """The rows of one gauge, in memory and (with a path) in its file."""
+
+    def __init__(self, columns: Sequence[Column], path: Path | None, restart_time: float | None) -> None:
+        self.columns = columns
+        self.path = path
+        self.blocks: list[np.ndarray] = []
+        buffer = io.StringIO()
+        csv.writer(buffer, lineterminator="\n").writerow(str(column) for column in columns)
+        self.heading = buffer.getvalue()
+        self._file: io.FileIO | None = None
+        if path is None:
+            return
+        if restart_time is not None and path.exists():
+            self._take_over(path, restart_time)
+        else:
+            with whole_file(path) as temporary:
+                temporary.write_text(self.heading, encoding="utf-8")
+        try:
+            self._file = open(path, "ab", buffering=0)
+        except OSError as error:
+            raise write_failure(path, error) from error
+
+    def _take_over(self, path: Path, restart_time: float) -> None:
+        """Keep the rows up to the restart time; later ones, and a last one that was cut off, go."""
+        try:
+            text = path.read_text(encoding="utf-8")
+        except (OSError, UnicodeDecodeError) as error:
+            raise OutputError(f"{path}: cannot be continued: {error}") from error
+        heading, newline, body = text.partition("\n")
+        if heading + newline != self.heading:
+            raise OutputError(
+                f"{path}: cannot be continued: its columns are not those of this case any more; "
+                "rename the gauge or write to another folder with --output"
+            )
+        limit = restart_time + 1e-9 * abs(restart_time)
+        kept, rows = [], []
+        for line in body.splitlines(keepends=True):
+            try:
+                row = [float(cell) for cell in line.split(",")]
+            except ValueError:
+                break
+            if len(row) != len(self.columns) or not line.endswith("\n") or row[0] > limit:
+                break
+            kept.append(line)
+            rows.append(row)
+        with whole_file(path) as temporary:
+            temporary.write_text(self.heading + "".join(kept), encoding="utf-8")
+        if rows:
+            self.blocks.append(np.array(rows))
+
+    def append(self, rows: np.ndarray) -> None:
+        """Add rows (k, columns); after an error the file ends with its last whole row."""
+        self.blocks.append(rows)
+        if self._file is None:
+            return
+        assert self.path is not None
+        data = "".join(",".join(map(repr, row)) + "\n" for row in rows.tolist()).encode()
+        size = 0
+        try:
+            size = self._file.seek(0, io.SEEK_END)
+            view = memoryview(data)
+            while view:
+                view = view[self._file.write(view) :]
+        except OSError as error:
+            self._file.truncate(size)
+            raise write_failure(self.path, error) from error
+
+    def series(self) -> dict[str, np.ndarray]:
+        if len(self.blocks) > 1:
+            self.blocks = [np.concatenate(self.blocks)]
+        rows = self.blocks[0] if self.blocks else np.empty((0, len(self.columns)))
+        return {column.name: rows[:, k].copy() for k, column in enumerate(self.columns)}
+
+    def close(self) -> None:
+        if self._file is not None:
+            self._file.close()
+            self._file = None
+
+
+# ------------------------------------------------------------------------------------------------------------
+# All gauges of a run
+
+
+class GaugeSet:
+    """The gauges of a case: when they are due, their rows in memory and in `folder` (None: in memory only).
+
+    `eos` gives the energy gauge the sound speeds that were chosen for `auto`. With `restart_time` [s] the
+    files in the folder are continued: rows after that time are cut off. Raises OutputError.
+    """
+
+    def __init__(
+        self,
+        case: Any,
+        folder: Path | None = None,
+        *,
+        eos: Mapping[str, PhaseEos] | None = None,
+        restart_time: float | None = None,
+    ) -> None:
+        self.gauges: dict[str, Gauge] = {}
+        self.schedules: dict[str, Schedule] = {}
+        self._tables: dict[str, _Table] = {}
+        for name, spec in (case.gauges or {}).items():
+            kind = GAUGES[spec.type]
+            gauge = EnergyGauge(name, spec, case, eos) if kind is EnergyGauge else kind(name, spec, case)
+            columns = [Column("time", "s"), *gauge.columns]
+            names = [column.name for column in columns]
+            twice = next((column for column in names if names.count(column) > 1), None)
+            if twice is not None:
+                rule = f"has two columns called {twice!r}"
+                raise CaseError([Problem(f"gauges.{name}", spec.type, rule, "rename the phase or obstacle")])
+            path = None if folder is None else folder / f"{name}.csv"
+            table = _Table(columns, path, restart_time)
+            schedule = Schedule(getattr(spec, "interval", None), getattr(spec, "times", None))
+            if restart_time is not None:
+                # What was due before the restart is past. What is due right at it may be missing in the
+                # file, if the # checkpoint was written before the row.
+                schedule.advance(restart_time * (1.0 - 1e-8))
+                if table.blocks:
+                    schedule.advance(float(table.blocks[-1][-1, 0]))
+            self.gauges[name] = gauge
+            self.schedules[name] = schedule
+            self._tables[name] = table
+
+    @property
+    def next_time(self) -> float:
+        """When the next gauge is due [s]; infinity if none is."""
+        return min((schedule.next for schedule in self.schedules.values()), default=math.inf)
+
+    def due(self, time: float) -> list[str]:
+        """Names of the gauges that are due at `time` [s]."""
+        return [name for name, schedule in self.schedules.items() if schedule.due(time)]
+
+    def needs(self, names: Iterable[str]) -> set[str]:
+        """What these gauges look at: any of `particles`, `extra`, `samples`."""
+        return {self.gauges[name].needs for name in names}
+
+    @property
+    def sample_points(self) -> dict[str, np.ndarray]:
+        """Points (n, dimension) [m] of the gauges that want interpolated fields, by gauge name."""
+        return {name: gauge.points for name, gauge in self._samplers().items()}
+
+    @property
+    def sample_fields(self) -> dict[str, list[str]]:
+        """The fields that these gauges want at their points, by gauge name."""
+        return {name: gauge.fields for name, gauge in self._samplers().items()}
+
+    def _samplers(self) -> dict[str, PointsGauge]:
+        return {name: gauge for name, gauge in self.gauges.items() if isinstance(gauge, PointsGauge)}
+
+    def record(self, snapshot: Snapshot) -> list[str]:
+        """Measure and write every gauge that is due at the snapshot's time; returns their names."""
+        names = self.due(snapshot.time)
+        for name in names:
+            rows = self.gauges[name].rows(snapshot)
+            times = np.full((len(rows), 1), snapshot.time)
+            self._tables[name].append(np.hstack([times, rows]))
+            self.schedules[name].advance(snapshot.time)
+        return names
+
+    def series(self, name: str) -> dict[str, np.ndarray]:
+        """What a gauge has measured so far: column name (without unit) -> values, `time` among them."""
+        if name not in self._tables:
+            raise KeyError(f"no gauge {name!r}; there are {', '.join(self._tables) or 'none'}")
+        return self._tables[name].series()
+
+    def units(self, name: str) -> dict[str, str]:
+        """Column name -> unit."""
+        return {column.name: column.unit for column in self._tables[name].columns}
+
+    def close(self) -> None:
+        """Close the files; `series` stays available."""
+        for table in self._tables.values():
+            table.close()
+
+    def __enter__(self) -> GaugeSet:
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self.close()

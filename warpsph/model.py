@@ -1,0 +1,295 @@
+"""A case brought to a device: geometry, physics, particles and stepper, with host snapshots of the state."""
+
+from __future__ import annotations
+
+import math
+import os
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import warp as wp
+
+from warpsph.geometry import Geometry, build
+from warpsph.kernels import clock as ck
+from warpsph.kernels.params import make_params, make_phase
+from warpsph.kernels.smoothing import KERNELS
+from warpsph.kernels.spec import types_of
+from warpsph.launch import Launcher
+from warpsph.neighbours import default_width
+from warpsph.particles import Particles
+from warpsph.physics import Physics, derive, support_radius
+from warpsph.snapshot import Snapshot
+from warpsph.stepper import Stepper
+
+if TYPE_CHECKING:
+    from warpsph.case import Case
+
+SHIFT_CAP = 0.01  # longest shift of a step as share of h
+
+
+def quiet_warp() -> None:
+    """Keep Warp from printing its banner and compile lines."""
+    if hasattr(wp, "LOG_WARNING"):
+        wp.config.log_level = wp.LOG_WARNING
+    else:
+        wp.config.quiet = True
+    wp.init()
+
+
+def default_threads() -> int:
+    """Return the number of processors this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+class Model:
+    """The state of a run on its device.
+
+    Args:
+        case: validated case.
+        device: Warp device name, "cpu" or "cuda:0".
+        threads: threads of a CPU device (default: all processors).
+        geometry: particles of the case, if they are known already.
+
+    Attributes:
+        physics: numbers derived from the case.
+        particles: fields on the device.
+        stepper: runs steps.
+    """
+
+    def __init__(
+        self, case: Case, device: str = "cpu", threads: int | None = None, geometry: Geometry | None = None
+    ) -> None:
+        quiet_warp()
+        self.case = case
+        self.device = wp.get_device(device)
+        self.launcher = Launcher(self.device, threads or default_threads())
+        self.geometry = geometry if geometry is not None else build(case, support_radius(case))
+        self.physics: Physics = derive(case, self.geometry, row_list=self.launcher.is_cpu)
+        self.particles = Particles(
+            self.physics.spec, self.geometry.fluid_count, self.geometry.wall_count, self.device
+        )
+        self._fill()
+        self.stepper = self._make_stepper()
+
+    # start ---------------------------------------------------------------------------------------------------------
+
+    def _fill(self) -> None:
+        """Put the start values into the fields."""
+        geometry, particles, case = self.geometry, self.particles, self.case
+        nf = particles.fluid_count
+        particles.put("anchor", geometry.position)
+        particles.put("position", geometry.position)
+        velocity = np.where((geometry.kind == 1)[:, None], geometry.boundary_velocity, geometry.velocity)
+        particles.put("velocity", velocity)
+        particles.put("particle_id", np.arange(geometry.count))
+        phases = [case.phases[name] for name in case.phase_names]
+        phase = geometry.phase[:nf]
+        # density that goes with the start pressure: s = (p/B + 1)^(1/gamma) - 1; the particle fills its lattice cell
+        stiffness = np.array([p.density * c**2 / p.gamma for p, c in zip(phases, self.physics.sound_speed, strict=True)])
+        gamma = np.array([p.gamma for p in phases])
+        excess = np.expm1(np.log1p(np.maximum(geometry.pressure[:nf] / stiffness[phase], -0.9)) / gamma[phase])
+        particles.put("density_excess", excess)
+        particles.put("rest_volume", geometry.volume[:nf] * (1.0 + excess))
+        if "phase" in particles.arrays:
+            particles.put("phase", phase)
+        if "wall_body" in particles.arrays:
+            particles.put("wall_body", geometry.body[nf:])
+        if "slip" in particles.arrays:
+            particles.put("slip", geometry.wall_slip[nf:])
+
+    def _make_stepper(self) -> Stepper:
+        case, physics, spec, geometry = self.case, self.physics, self.physics.spec, self.geometry
+        real, vec, _, _ = types_of(spec)
+        kernel = KERNELS[spec.kernel]
+        d, h = spec.dimension, physics.h
+        alpha = kernel.alpha[d - 1]
+        lower, upper = geometry.lattice.lower, geometry.lattice.upper
+        box = [u - low if p else 0.0 for low, u, p in zip(lower, upper, spec.periodic, strict=True)]
+        params = make_params(d, spec.precision)()
+        params.h = h
+        params.inv_h = 1.0 / h
+        params.w_norm = alpha / h**d
+        params.g_norm = alpha / h ** (d + 2)
+        params.spacing = case.spacing
+        params.wall_volume = geometry.lattice.cell_volume
+        params.box = vec(*box)
+        # an axis without period never wraps: its half period is out of reach
+        params.half_box = vec(*(0.5 * b if b > 0 else 1.0e30 for b in box))
+        params.gravity = vec(*map(float, case.gravity))
+        params.body_force = vec(*map(float, case.body_force))
+        params.dissipation = float(physics.choices["velocity_dissipation"])
+        params.shifting = float(physics.choices["shifting"])
+        params.shift_cap = SHIFT_CAP
+        params.zeta = float(physics.choices["interface_force"])
+        params.tiny = (1.0e-6 * h) ** 2
+        Phase = make_phase(spec.precision)
+        rows = []
+        for name, c in zip(case.phase_names, physics.sound_speed, strict=True):
+            given = case.phases[name]
+            row = Phase()
+            row.density = given.density
+            row.sound_speed = c
+            row.gamma = given.gamma
+            row.stiffness = given.density * c**2 / given.gamma
+            row.background = given.background_pressure
+            row.viscosity = given.viscosity
+            row.impedance = given.density * c
+            row.compressibility = 1.0 / (given.density * c**2)
+            rows.append(row)
+        values = {
+            "params": params,
+            "phases": wp.array(rows, dtype=Phase, device=self.device),
+            "tension": wp.array(physics.tension.ravel(), dtype=real, device=self.device),
+        }
+        skin = float(physics.choices["skin"])
+        width = case.numerics.neighbour_capacity
+        if width == "auto":
+            width = default_width(spec, physics.support, case.spacing, skin)
+        margin = physics.support if geometry.wall_count else 0.0
+        open_room = 4 * physics.support if case.has_open_sides else 0.0
+        room = [0.0 if p else margin + open_room for p in spec.periodic]
+        clock = np.zeros(ck.CLOCK_SIZE)
+        clock[ck.STEP_CAP] = min(physics.step_cap.values(), default=math.inf)
+        clock[ck.COURANT] = float(physics.choices["courant"]) * h
+        clock[ck.SOUND] = max(physics.sound_speed)
+        clock[ck.FORCE] = 0.25 * math.sqrt(h)
+        clock[ck.SHIFT_REACH] = SHIFT_CAP * h if spec.shifting else 0.0
+        clock[ck.HALF_SKIN] = 0.5 * skin * physics.support
+        clock[ck.BOX_VOLUME] = float(geometry.volume[: geometry.fluid_count].sum())
+        clock[ck.RUNAWAY] = physics.runaway
+        counters = np.zeros(ck.COUNTERS_SIZE, dtype=np.int32)
+        counters[ck.FAULT_PARTICLE] = ck.NO_PARTICLE
+        return Stepper(
+            spec,
+            self.particles,
+            self.launcher,
+            values,
+            {
+                "lower": [low - r for low, r in zip(lower, room, strict=True)],
+                "upper": [u + r for u, r in zip(upper, room, strict=True)],
+                "periodic": spec.periodic,
+                "support": physics.support,
+                "skin": skin,
+                "width": int(width),
+            },
+            clock,
+            counters,
+        )
+
+    # state ---------------------------------------------------------------------------------------------------------
+
+    @property
+    def time(self) -> float:
+        """Simulated time [s]."""
+        return float(self.stepper.read()[0][ck.TIME])
+
+    @property
+    def steps(self) -> int:
+        """Steps done."""
+        return int(self.stepper.read()[1][ck.STEPS])
+
+    def snapshot(self) -> Snapshot:
+        """Return a host copy of the state, rows in the order of the particle ids, velocity at the time of the positions."""
+        clock, counters = (np.array(a) for a in self.stepper.read())
+        get, nf, n = self.particles.get, self.particles.fluid_count, self.particles.count
+        case, spec = self.case, self.physics.spec
+        position = get("anchor").astype(np.float64)
+        position[:nf] += get("offset")
+        velocity = get("velocity").astype(np.float64)
+        acceleration = np.zeros_like(velocity)
+        acceleration[:nf] = get("acceleration")
+        velocity[:nf] += 0.5 * clock[ck.LAST_STEP] * acceleration[:nf]
+        phase = np.full(n, -1, dtype=np.int32)
+        phase[:nf] = get("phase") if spec.multiphase else 0
+        rho0 = np.array([case.phases[name].density for name in case.phase_names])
+        state = get("state").astype(np.float64)
+        density = np.full(n, float(rho0[0]))
+        density[:nf] = rho0[phase[:nf]] * (1.0 + get("density_excess").astype(np.float64))
+        volume = np.full(n, self.geometry.lattice.cell_volume)
+        mass = density * volume
+        mass[:nf] = rho0[phase[:nf]] * get("rest_volume")
+        volume[:nf] = mass[:nf] / density[:nf]
+        kind = np.zeros(n, dtype=np.uint8)
+        kind[nf:] = 1
+        ids = get("particle_id")
+        order = np.argsort(ids, kind="stable")
+        normal = curvature = None
+        if spec.tension != "none":
+            normal = np.zeros_like(velocity)
+            normal[:nf] = get("normal")
+            curvature = np.zeros(n)
+            curvature[:nf] = get("curvature")
+        return Snapshot(
+            time=float(clock[ck.TIME]),
+            step=int(counters[ck.STEPS]),
+            dt=float(clock[ck.LAST_STEP]),
+            dimension=spec.dimension,
+            position=position[order],
+            velocity=velocity[order],
+            density=density[order],
+            pressure=state[order, 0],
+            mass=mass[order],
+            volume=volume[order],
+            phase=phase[order],
+            particle_id=ids[order].astype(np.int64),
+            kind=kind[order],
+            particle_spacing=case.spacing,
+            normal=None if normal is None else normal[order],
+            curvature=None if curvature is None else curvature[order],
+            acceleration=acceleration[order],
+        )
+
+    def interface_length(self) -> float:
+        """Return the length (3-D: area) of all interfaces: the volume integral of |grad C| [m^(d-1)]."""
+        for task in self.stepper.geometry_tasks:
+            task.run()
+        nf = self.particles.fluid_count
+        normal = self.particles.get("normal").astype(np.float64)
+        volume = self.particles.get("state")[:nf, 1].astype(np.float64)
+        return float((np.linalg.norm(normal, axis=1) * volume).sum())
+
+    def wall_forces(self) -> dict[str, float]:
+        """Return the force of the fluid on the walls: `wall_force_x <body>` -> N (2-D: per metre of depth).
+
+        The sides of the domain count as one body, `domain`; every obstacle is one of its own.
+        """
+        load = self.stepper.wall_load().astype(np.float64)
+        body = self.particles.get("wall_body")
+        sides = {f"{axis}_{end}" for axis in "xyz" for end in ("lower", "upper")}
+        names = [("domain" if name in sides else name) for name in self.geometry.body_names]
+        forces: dict[str, float] = {}
+        for name in dict.fromkeys(["domain", *names]):
+            rows = np.isin(body, [k + 1 for k, other in enumerate(names) if other == name])
+            total = load[rows].sum(axis=0)
+            for axis, value in zip("xyz", total, strict=False):
+                forces[f"wall_force_{axis} {name}"] = float(value)
+        return forces
+
+    def save_state(self) -> dict[str, np.ndarray]:
+        """Return everything a restart needs, by name."""
+        clock, counters = self.stepper.read()
+        return {**self.particles.kept(), "clock": np.array(clock), "counters": np.array(counters)}
+
+    def load_state(self, state: dict[str, np.ndarray]) -> None:
+        """Continue from a saved state of the same case, bit by bit.
+
+        Raises:
+            ValueError: the state does not fit the particles of this case.
+        """
+        for name, field in self.particles.fields.items():
+            if field.kept:
+                if name not in state:
+                    raise ValueError(f"the saved state has no field {name}")
+                self.particles.put(name, state[name])
+        clock = np.array(self.stepper.read()[0])
+        saved = state["clock"]
+        for index in (
+            ck.TIME, ck.STEP, ck.LAST_STEP, ck.EXCESS_PRESSURE, ck.BOX_VOLUME, ck.SPEED, ck.ACCELERATION, ck.OFFSET,
+        ):  # fmt: skip
+            clock[index] = saved[index]
+        self.stepper.write(
+            clock=dict(enumerate(clock)),
+            counters={k: int(state["counters"][k]) for k in (ck.STEPS, ck.REBUILDS, ck.SINCE_CONSTRAINT)},
+        )

@@ -1,0 +1,219 @@
+"""Neighbour list with a skin: built from a cell grid, kept until a particle has used up half the skin.
+
+A rebuild takes up the way since the last one, orders all particles by cell, permutes every kept field, fills the list
+and marks the interface band. It is a fixed sequence of tasks, which runs from the host or inside a captured graph.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from warpsph.errors import CapacityError
+from warpsph.kernels import cells
+from warpsph.kernels.clock import BAND_COUNT
+from warpsph.kernels.spec import Spec, types_of
+from warpsph.launch import Bindings, Launcher, Task
+from warpsph.particles import Particles
+
+LARGEST_LIST = 2**31 - 1  # entries: the list is indexed with 32-bit integers
+# A cell may not be narrower than half the list radius, not even by the rounding of a coordinate.
+CELL_MARGIN = 1.001
+
+
+def grid_layout(
+    lower: Sequence[float], upper: Sequence[float], periodic: Sequence[bool], list_radius: float
+) -> tuple[list[int], list[float]]:
+    """Return (cells per axis, cell width per axis [m]) for cells of at least half the list radius."""
+    counts, widths = [], []
+    for low, high, wraps in zip(lower, upper, periodic, strict=True):
+        width = 0.5 * list_radius * CELL_MARGIN
+        extent = high - low
+        if wraps:
+            count = max(1, math.floor(extent / width))
+            width = extent / count
+        else:
+            count = max(1, math.ceil(extent / width))
+        counts.append(count)
+        widths.append(width)
+    return counts, widths
+
+
+def brute_force_pairs(position: np.ndarray, box: Sequence[float], radius: float) -> set[tuple[int, int]]:
+    """Return all ordered pairs (i, j) nearer than `radius`, by testing every pair: the twin that tests compare with.
+
+    Args:
+        position: (n, d) in m.
+        box: period of each axis in m, 0 where it is not periodic.
+        radius: in m.
+    """
+    difference = position[:, None, :] - position[None, :, :]
+    for axis, period in enumerate(box):
+        if period > 0:
+            difference[..., axis] -= period * np.round(difference[..., axis] / period)
+    near = np.einsum("ijk,ijk->ij", difference, difference) < radius * radius
+    np.fill_diagonal(near, False)
+    return {(int(i), int(j)) for i, j in np.argwhere(near)}
+
+
+class NeighbourList:
+    """The list, its grid and the tasks that rebuild it.
+
+    Args:
+        particles: fields to sort along.
+        launcher: launches kernels.
+        bindings: values for kernel arguments; the list adds its own.
+        lower, upper: box that the cells cover [m]; particles outside are kept in the rim cells.
+        periodic: per axis.
+        support: support radius of the smoothing kernel [m].
+        skin: skin as share of the support.
+        width: entries a particle may have at first.
+    """
+
+    def __init__(
+        self,
+        particles: Particles,
+        launcher: Launcher,
+        bindings: Bindings,
+        lower: Sequence[float],
+        upper: Sequence[float],
+        periodic: Sequence[bool],
+        support: float,
+        skin: float,
+        width: int,
+    ) -> None:
+        self.particles = particles
+        self.launcher = launcher
+        self.bindings = bindings
+        self.support = support
+        self.list_radius = support * (1.0 + skin)
+        self.half_skin = 0.5 * skin * support
+        spec, device = particles.spec, particles.device
+        counts, widths = grid_layout(lower, upper, periodic, self.list_radius)
+        self.cells_per_axis = counts
+        grid = cells.make_grid(spec.dimension, spec.precision)()
+        vec = types_of(spec).vec
+        grid.origin = vec(*map(float, lower))
+        grid.inv_cell = vec(*(1.0 / width_ for width_ in widths))
+        grid.box = vec(*(float(u - low) if p else 0.0 for low, u, p in zip(lower, upper, periodic, strict=True)))
+        grid.nx, grid.ny, grid.nz = (counts + [1, 1])[:3]
+        cell_count = math.prod(counts)
+        grid.cell_count = cell_count
+        grid.list_radius2 = self.list_radius**2
+        n = particles.count
+        kinds = 2 if particles.wall_count else 1
+        if cell_count * kinds >= LARGEST_LIST // 2:
+            raise CapacityError("the domain has more cells than 32-bit keys can number", key="domain")
+        self.key_bits = max(1, (cell_count * kinds).bit_length())
+        self.cell_start = wp.zeros(cell_count * kinds + 1, dtype=int, device=device)
+        self.sort_keys = wp.zeros(2 * n, dtype=int, device=device)
+        self.sort_order = wp.zeros(2 * n, dtype=int, device=device)
+        self.list_peak = wp.zeros(launcher.threads, dtype=int, device=device)
+        self._scratch: dict[Any, Any] = {}
+        bindings.update(
+            grid=grid,
+            cell_start=self.cell_start,
+            sort_keys=self.sort_keys,
+            sort_order=self.sort_order,
+            list_peak=self.list_peak,
+        )
+        self.width = 0
+        self.neighbours: Any = None
+        self.resize(width)
+
+    def resize(self, width: int) -> None:
+        """Give every particle room for `width` neighbours; the list must be rebuilt afterwards.
+
+        Raises:
+            CapacityError: the list would need more than 2^31 entries, or more than the device's memory.
+        """
+        width = (width + 3) // 4 * 4
+        if width > 32767 or width * self.particles.count > LARGEST_LIST:
+            raise CapacityError(
+                f"neighbour list: {self.particles.count} particles with up to {width} neighbours each are more than the "
+                "list can number; a particle clump or a far too large smoothing length is the usual cause",
+            )
+        self.neighbours = None
+        self.bindings.pop("neighbours", None)
+        try:
+            self.neighbours = wp.zeros(width * self.particles.count, dtype=int, device=self.particles.device)
+        except RuntimeError as error:
+            raise CapacityError(f"neighbour list of {width} entries a particle does not fit in memory: {error}") from error
+        self.width = width
+        self.bindings["neighbours"] = self.neighbours
+        self.bindings["list_width"] = width
+        self.tasks = self._make_tasks(moving=True)
+        self.tasks_again = self._make_tasks(moving=False)
+
+    def memory(self) -> int:
+        """Return the bytes of the list alone (the grid and the sort buffers are not in it)."""
+        return int(self.neighbours.capacity)
+
+    def _scratch_for(self, dtype: Any, rows: int) -> Any:
+        held = self._scratch.get(dtype)
+        if held is None or held.shape[0] < rows:
+            held = wp.empty(max(rows, 1), dtype=dtype, device=self.particles.device)
+            self._scratch[dtype] = held
+        return held
+
+    def _make_tasks(self, moving: bool) -> list[Task]:
+        spec = self.particles.spec
+        launcher, bindings, particles = self.launcher, self.bindings, self.particles
+        n, fluid, wall = particles.count, particles.fluid_count, particles.wall_count
+        tasks = [launcher.task("keys", cells.make_keys(spec), fluid, bindings, special={"moving": int(moving)})]
+        if wall:
+            tasks.append(launcher.task("keys", cells.make_keys(spec), wall, bindings, fluid, special={"moving": 0}))
+
+        def sort() -> None:
+            wp.utils.radix_sort_pairs(self.sort_keys, self.sort_order, n, 0, self.key_bits)
+
+        tasks.append(Task("sort", sort))
+        for field in particles.fields.values():
+            rows = particles.rows(field)
+            if not field.kept or rows == 0:
+                continue
+            array = particles.arrays[field.name]
+            scratch = self._scratch_for(array.dtype, n)
+            base = fluid if field.rows == "wall" else 0
+            tasks.append(
+                launcher.task(
+                    "permute",
+                    cells.make_permute(array.dtype),
+                    rows,
+                    bindings,
+                    special={"base": base, "source": array, "target": scratch},
+                )
+            )
+            tasks.append(Task("permute", _copier(array, scratch, rows)))
+        tasks.append(launcher.task("ranges", cells.make_ranges(), self.cell_start.shape[0], bindings))
+        tasks.append(launcher.task("list", cells.make_list(spec), n, bindings))
+        if spec.interface:
+            mark, gather = cells.make_band(spec)
+            tasks.append(launcher.task("band", mark, fluid, bindings))
+
+            def add_up() -> None:
+                wp.utils.array_scan(particles.arrays["band_mark"], particles.arrays["band_sum"], inclusive=True)
+
+            tasks.append(Task("band", add_up))
+            tasks.append(launcher.task("band", gather, fluid, bindings))
+        tasks.append(launcher.task("finish", cells.make_finish(), 1, bindings, single=True))
+        return tasks
+
+    def band_count(self, counters: np.ndarray) -> int:
+        """Return how many particles the interface band holds."""
+        return int(counters[BAND_COUNT])
+
+
+def _copier(array: Any, scratch: Any, rows: int) -> Any:
+    return lambda: wp.copy(array, scratch, count=rows)
+
+
+def default_width(spec: Spec, support: float, spacing: float, skin: float) -> int:
+    """Return list entries to start with: particles within support + skin on a lattice, and half as many again."""
+    radius = support * (1.0 + skin) / spacing
+    ball = {1: 2.0 * radius, 2: math.pi * radius**2, 3: 4.0 / 3.0 * math.pi * radius**3}[spec.dimension]
+    return int(1.35 * ball) + 8

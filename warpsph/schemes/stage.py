@@ -1,0 +1,33 @@
+"""What a scheme is made of."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any, Literal
+
+Rows = Literal["fluid", "wall", "band", "blocks", "one"]
+
+
+@dataclasses.dataclass(frozen=True)
+class Stage:
+    """One kernel of a time step.
+
+    Attributes:
+        name: shown to the user and in timings.
+        kernel: Warp kernel.
+        rows: what it runs over: fluid or wall particles, the interface band, blocks of particles, or one thread.
+        reason: why this scene needs it.
+    """
+
+    name: str
+    kernel: Any
+    rows: Rows
+    reason: str
+
+
+@dataclasses.dataclass(frozen=True)
+class Absent:
+    """A stage that the scene does not need, and why."""
+
+    name: str
+    reason: str

@@ -1,0 +1,83 @@
+"""The state of a simulation at one moment, as NumPy arrays on the host: what outputs and gauges see."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, fields
+from typing import Any
+
+import numpy as np
+
+FLUID = 0
+WALL = 1
+
+# Arrays with one row a particle that a scene may lack.
+OPTIONAL_FIELDS = ("normal", "curvature", "acceleration")
+
+
+@dataclass
+class Snapshot:
+    """A host copy of all particles. Rows are sorted by `particle_id`; n is the number of particles.
+
+    In 2-D every quantity is per metre of depth: masses are kg/m, volumes are areas in m^2.
+    """
+
+    time: float
+    """simulated time [s]"""
+    step: int
+    """number of time steps done"""
+    dt: float
+    """size of the last time step [s]"""
+    dimension: int
+    """2 or 3"""
+    position: np.ndarray
+    """(n, dimension) float64 [m]"""
+    velocity: np.ndarray
+    """(n, dimension) [m/s]"""
+    density: np.ndarray
+    """(n,) [kg/m^3]"""
+    pressure: np.ndarray
+    """(n,) [Pa]"""
+    mass: np.ndarray
+    """(n,) [kg], in 2-D [kg/m]"""
+    volume: np.ndarray
+    """(n,) [m^3], in 2-D [m^2]"""
+    phase: np.ndarray
+    """(n,) int32, index into the case's `phase_names`; -1 for wall particles"""
+    particle_id: np.ndarray
+    """(n,) int64, keeps its particle through the whole run"""
+    kind: np.ndarray
+    """(n,) uint8, 0 fluid, 1 wall"""
+    particle_spacing: float
+    """initial distance between particles [m]"""
+    normal: np.ndarray | None = None
+    """(n, dimension) unit normal of the interface [1], or None"""
+    curvature: np.ndarray | None = None
+    """(n,) curvature of the interface [1/m], or None"""
+    acceleration: np.ndarray | None = None
+    """(n, dimension) [m/s^2], or None"""
+    extra: dict[str, float] = field(default_factory=dict)
+    """scalars that the device measured at this moment, such as `interface_length` or `wall_force_x block`"""
+    samples: dict[str, dict[str, np.ndarray]] = field(default_factory=dict)
+    """gauge name -> field -> values at the gauge's points, (points,) or (points, dimension)"""
+
+    def __len__(self) -> int:
+        """The number of particles."""
+        return len(self.particle_id)
+
+    @property
+    def fluid(self) -> Snapshot:
+        """The fluid particles alone."""
+        return self.select(self.kind == FLUID)
+
+    @property
+    def wall(self) -> Snapshot:
+        """The wall particles alone."""
+        return self.select(self.kind == WALL)
+
+    def select(self, rows: np.ndarray) -> Snapshot:
+        """The particles at `rows`, a mask (n,) or indices; scalars, `extra` and `samples` stay."""
+        values: dict[str, Any] = {item.name: getattr(self, item.name) for item in fields(self)}
+        for name, value in values.items():
+            if isinstance(value, np.ndarray):
+                values[name] = value[rows]
+        return Snapshot(**values)
