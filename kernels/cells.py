@@ -10,7 +10,7 @@ from typing import Any
 
 import warp as wp
 
-from .clock import BAND_COUNT, FAULT, FAULT_LIST, LIST_PEAK, OFFSET, REBUILD, REBUILDS, RUNNING
+from .clock import BAND_COUNT, CHECK_LASTS, FAULT, FAULT_LIST, LIST_PEAK, OFFSET, REBUILD, REBUILDS, RUNNING
 from .pair import BAND, NEAR, WRAPPED
 from .spec import Spec, types_of
 
@@ -162,6 +162,17 @@ def make_list(spec: Spec) -> Any:
     cell_of = make_cell_of(spec.dimension, spec.precision)
     px, py, pz = ([*spec.periodic, False, False])[:3]
     dim = spec.dimension
+    any_periodic = any(spec.periodic)
+
+    @wp.func
+    def image(d: real, period: real):
+        half = real(0.5) * period
+        result = d
+        if d > half:
+            result = d - period
+        elif d < -half:
+            result = d + period
+        return result
 
     @wp.func
     def scan(
@@ -169,59 +180,52 @@ def make_list(spec: Spec) -> Any:
         xi: vec,
         begin: int,
         end: int,
-        count_in: int,
+        state: wp.vec2i,
         own: int,
+        edge: bool,
         particle_count: int,
         list_width: int,
         grid: Grid,
         phase: wp.array(dtype=wp.int8),
         anchor: wp.array(dtype=vec),
         neighbours: wp.array(dtype=int),
-        flag_in: int,
     ):
-        count = int(count_in)
-        flag = int(flag_in)
+        count = state[0]
+        flag = state[1]
+        base = i * list_width
+        last = list_width - 1
         j = int(begin)
         while j < end:
             d = xi - anchor[j]
-            far = bool(False)
-            if wp.static(px):
-                half = real(0.5) * grid.box[0]
-                if d[0] > half:
-                    d[0] = d[0] - grid.box[0]
-                    far = True
-                elif d[0] < -half:
-                    d[0] = d[0] + grid.box[0]
-                    far = True
-            if wp.static(py):
-                half = real(0.5) * grid.box[1]
-                if d[1] > half:
-                    d[1] = d[1] - grid.box[1]
-                    far = True
-                elif d[1] < -half:
-                    d[1] = d[1] + grid.box[1]
-                    far = True
-            if wp.static(pz):
-                half = real(0.5) * grid.box[2]
-                if d[2] > half:
-                    d[2] = d[2] - grid.box[2]
-                    far = True
-                elif d[2] < -half:
-                    d[2] = d[2] + grid.box[2]
-                    far = True
-            if wp.dot(d, d) < grid.list_radius2 and j != i:
-                if count < list_width:
-                    if wp.static(spec.row_list):
-                        neighbours[i * list_width + count] = j
-                    else:
-                        neighbours[count * particle_count + i] = j
-                count += 1
-                if far:
-                    flag = flag | WRAPPED
+            if wp.static(any_periodic):
+                if edge:
+                    raw = d + vec()
+                    if wp.static(px):
+                        d[0] = image(d[0], grid.box[0])
+                    if wp.static(py):
+                        d[1] = image(d[1], grid.box[1])
+                    if wp.static(pz):
+                        d[2] = image(d[2], grid.box[2])
+                    if wp.dot(d, d) < wp.min(grid.list_radius2, wp.dot(raw, raw)):
+                        flag = flag | WRAPPED
+            if wp.static(spec.row_list):
+                # about half of the candidates are neighbours: storing all and counting those spares the branch,
+                # which a CPU would guess wrong every other time
+                neighbours[base + wp.min(count, last)] = j
+                hit = int(wp.dot(d, d) < grid.list_radius2) * int(j != i)
+                count += hit
                 if wp.static(spec.multiphase):
-                    if own >= 0 and j < phase.shape[0]:
-                        if int(phase[j]) != own:
-                            flag = flag | NEAR
+                    if own >= 0:
+                        flag = flag | (hit * int(int(phase[j]) != own) * NEAR)
+            else:
+                if wp.dot(d, d) < grid.list_radius2 and j != i:
+                    if count < list_width:
+                        neighbours[count * particle_count + i] = j
+                    count += 1
+                    if wp.static(spec.multiphase):
+                        if own >= 0:
+                            if int(phase[j]) != own:
+                                flag = flag | NEAR
             j += 1
         return wp.vec2i(count, flag)
 
@@ -233,6 +237,7 @@ def make_list(spec: Spec) -> Any:
         cx: int,
         state: wp.vec2i,
         own: int,
+        edge: bool,
         particle_count: int,
         list_width: int,
         grid: Grid,
@@ -249,18 +254,18 @@ def make_list(spec: Spec) -> Any:
                 high = grid.nx - 1
         s = scan(
             i, xi, cell_start[base + wp.max(low, 0)], cell_start[base + wp.min(high, grid.nx - 1) + 1],
-            state[0], own, particle_count, list_width, grid, phase, anchor, neighbours, state[1],
+            state, own, edge, particle_count, list_width, grid, phase, anchor, neighbours,
         )  # fmt: skip
         if wp.static(px):
             if low < 0:
                 s = scan(
                     i, xi, cell_start[base + low + grid.nx], cell_start[base + grid.nx],
-                    s[0], own, particle_count, list_width, grid, phase, anchor, neighbours, s[1],
+                    s, own, edge, particle_count, list_width, grid, phase, anchor, neighbours,
                 )  # fmt: skip
             if high >= grid.nx:
                 s = scan(
                     i, xi, cell_start[base], cell_start[base + high - grid.nx + 1],
-                    s[0], own, particle_count, list_width, grid, phase, anchor, neighbours, s[1],
+                    s, own, edge, particle_count, list_width, grid, phase, anchor, neighbours,
                 )  # fmt: skip
         return s
 
@@ -272,6 +277,7 @@ def make_list(spec: Spec) -> Any:
         c: wp.vec3i,
         state: wp.vec2i,
         own: int,
+        edge: bool,
         particle_count: int,
         list_width: int,
         grid: Grid,
@@ -323,8 +329,9 @@ def make_list(spec: Spec) -> Any:
                         yy -= grid.ny
                 base = kind_base + (zz * grid.ny + yy) * grid.nx
                 s = row(
-                    i, xi, base, c[0], s, own, particle_count, list_width, grid, cell_start, phase, anchor, neighbours
-                )
+                    i, xi, base, c[0], s, own, edge, particle_count, list_width, grid, cell_start, phase, anchor,
+                    neighbours,
+                )  # fmt: skip
                 y += 1
             z += 1
         return s
@@ -354,22 +361,32 @@ def make_list(spec: Spec) -> Any:
             own = 0
             if wp.static(spec.multiphase):
                 own = int(phase[i])
+        # only a particle within two cells of a periodic side can have a neighbour across it
+        edge = bool(False)
+        if wp.static(px):
+            edge = edge or c[0] < 2 or c[0] >= grid.nx - 2
+        if wp.static(py):
+            edge = edge or c[1] < 2 or c[1] >= grid.ny - 2
+        if wp.static(pz):
+            edge = edge or c[2] < 2 or c[2] >= grid.nz - 2
         s = search(
-            i, xi, 0, c, wp.vec2i(0, 0), own, particle_count, list_width, grid, cell_start, phase, anchor, neighbours
-        )
+            i, xi, 0, c, wp.vec2i(0, 0), own, edge, particle_count, list_width, grid, cell_start, phase, anchor,
+            neighbours,
+        )  # fmt: skip
         fluid = s[0]
         fluid_neighbours[i] = wp.int16(wp.min(fluid, list_width))
         if wp.static(spec.walls):
             if i < fluid_count:
                 s = search(
-                    i, xi, grid.cell_count, c, s, -1, particle_count, list_width, grid, cell_start, phase, anchor,
-                    neighbours,
+                    i, xi, grid.cell_count, c, s, -1, edge, particle_count, list_width, grid, cell_start, phase,
+                    anchor, neighbours,
                 )  # fmt: skip
                 wall_neighbours[i] = wp.int16(wp.min(s[0], list_width) - wp.min(fluid, list_width))
         if wp.static(any(spec.periodic) or spec.multiphase):
             flags[i] = wp.uint8(s[1])
-        if s[0] > list_peak[slot]:
-            wp.atomic_max(list_peak, slot, s[0])
+        # the last entry is a spare that a CPU search writes over
+        if s[0] + 1 > list_peak[slot]:
+            wp.atomic_max(list_peak, slot, s[0] + 1)
 
     return build_list
 
@@ -393,6 +410,7 @@ def make_finish() -> Any:
         counters[REBUILDS] = counters[REBUILDS] + 1
         counters[REBUILD] = 0
         clock[OFFSET] = wp.float64(0.0)
+        clock[CHECK_LASTS] = wp.float64(-1.0)
         if peak > list_width:
             counters[FAULT] = FAULT_LIST
             counters[RUNNING] = 0
@@ -402,7 +420,10 @@ def make_finish() -> Any:
 
 @functools.cache
 def make_band(spec: Spec) -> tuple[Any, Any]:
-    """Return the kernels that mark the interface band (two rings) and gather it into a compact list."""
+    """Return the kernels that mark the interface band (two rings) and gather it into a compact list.
+
+    The compact list is for CPU devices; on a GPU a thread outside the band costs less than gathering.
+    """
     real, vec, _, _ = types_of(spec)
     tension = spec.tension != "none"
 
@@ -435,7 +456,10 @@ def make_band(spec: Spec) -> tuple[Any, Any]:
                 if (int(flags[j]) & NEAR) != 0:
                     mark = 1
                     break
-        band_mark[i] = mark
+        if wp.static(spec.row_list):
+            band_mark[i] = mark
+        # others read the NEAR bit of this byte meanwhile, which stays as it is
+        flags[i] = wp.uint8(int(flags[i]) | (mark * BAND))
         if mark == 0:
             fraction[i] = real(1.0)
             normal[i] = vec()
@@ -449,7 +473,6 @@ def make_band(spec: Spec) -> tuple[Any, Any]:
         first: int,
         band_sum: wp.array(dtype=int),
         band_mark: wp.array(dtype=int),
-        flags: wp.array(dtype=wp.uint8),
         band: wp.array(dtype=int),
         counters: wp.array(dtype=int),
     ):
@@ -457,7 +480,6 @@ def make_band(spec: Spec) -> tuple[Any, Any]:
         i = wp.tid() + first
         if band_mark[i] == 1:
             band[band_sum[i] - 1] = i
-            flags[i] = wp.uint8(int(flags[i]) | BAND)
         if i == band_sum.shape[0] - 1:
             counters[BAND_COUNT] = band_sum[i]
 

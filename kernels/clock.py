@@ -19,15 +19,21 @@ STEP_CAP = 4  # constant limits: viscosity, tension, gravity, maximum_step [s]
 COURANT = 5  # Courant number times h [m]
 SOUND = 6  # largest sound speed [m/s]
 FORCE = 7  # 0.25 sqrt(h) [m^0.5], limit of the acceleration
-HALF_SKIN = 8  # way a particle may go before the list is used up [m]
-SHIFT_REACH = 9  # longest shift of a step [m]
+SKIN = 8  # relative displacement that uses up the list [m]
+FARTHEST = 9  # displacement that always asks for a rebuild [m]
 EXCESS_PRESSURE = 10  # pressure the volume constraint adds in the coming step [Pa]
 BOX_VOLUME = 11  # volume of the fluid at the start [m^d]
 RUNAWAY = 12  # speed above which the run stops [m/s]
 SPEED = 13  # largest speed seen in the last step [m/s]
 ACCELERATION = 14  # largest acceleration seen [m/s^2]
 OFFSET = 15  # longest way since the list was built [m]
-CLOCK_SIZE = 16
+SHIFT = 16  # longest shift that the coming step applies [m]
+CHECKED = 17  # relative displacement that the last check of the list allows for [m]
+CHECK_TIME = 18  # time of that check [s]
+CHECK_LASTS = 19  # how long it holds [s]
+DRIFT_SPEED = 20  # bound on how far any velocity has changed since that check [m/s]
+DRIFT = 21  # bound on how far any particle is from where that check predicted it [m]
+CLOCK_SIZE = 22
 
 # counters: int32
 STEPS = 0
@@ -40,7 +46,13 @@ BAND_COUNT = 6  # particles in the interface band
 REBUILDS = 7
 LIST_PEAK = 8  # longest list so far
 SINCE_CONSTRAINT = 9  # steps since the volume was last checked
-COUNTERS_SIZE = 10
+CHECK = 10  # the list has to be checked, see `slack`
+CHECKS = 11
+COUNTERS_SIZE = 12
+
+MAXIMA = 4  # per thread: speed^2, acceleration^2, displacement^2, shift^2
+HORIZON = 32.0  # steps that a check of the list looks ahead
+SHORTEST = 3.0  # steps that a check must last to be better than a rebuild
 
 FAULT_STATE = 1
 FAULT_LIST = 2
@@ -66,19 +78,26 @@ def make_advance(precision: str) -> Any:
             v2 = real(0.0)
             a2 = real(0.0)
             o2 = real(0.0)
+            s2 = real(0.0)
             for slot in range(faults.shape[0]):
-                v2 = wp.max(v2, maxima[slot * 3])
-                a2 = wp.max(a2, maxima[slot * 3 + 1])
-                o2 = wp.max(o2, maxima[slot * 3 + 2])
-                maxima[slot * 3] = real(0.0)
-                maxima[slot * 3 + 1] = real(0.0)
-                maxima[slot * 3 + 2] = real(0.0)
+                v2 = wp.max(v2, maxima[slot * MAXIMA])
+                a2 = wp.max(a2, maxima[slot * MAXIMA + 1])
+                o2 = wp.max(o2, maxima[slot * MAXIMA + 2])
+                s2 = wp.max(s2, maxima[slot * MAXIMA + 3])
+                for k in range(MAXIMA):
+                    maxima[slot * MAXIMA + k] = real(0.0)
                 if faults[slot] != NO_PARTICLE:
                     counters[FAULT] = FAULT_STATE
                     counters[FAULT_PARTICLE] = wp.min(counters[FAULT_PARTICLE], faults[slot])
+            # what the step just done added to the motion that the last check of the list could not foresee
+            clock[DRIFT_SPEED] = (
+                clock[DRIFT_SPEED] + clock[ACCELERATION] * wp.float64(0.5) * (clock[STEP] + clock[LAST_STEP])
+            )
+            clock[DRIFT] = clock[DRIFT] + clock[DRIFT_SPEED] * clock[STEP] + clock[SHIFT]
             clock[SPEED] = wp.sqrt(wp.float64(v2))
             clock[ACCELERATION] = wp.sqrt(wp.float64(a2))
             clock[OFFSET] = wp.sqrt(wp.float64(o2))
+            clock[SHIFT] = wp.sqrt(wp.float64(s2))
             clock[TIME] = clock[TIME] + clock[STEP]
             clock[LAST_STEP] = clock[STEP]
             counters[STEPS] = counters[STEPS] + 1
@@ -87,11 +106,11 @@ def make_advance(precision: str) -> Any:
         dt = wp.min(clock[STEP_CAP], clock[COURANT] / (clock[SOUND] + speed))
         if acceleration > wp.float64(0.0):
             dt = wp.min(dt, clock[FORCE] / wp.sqrt(acceleration))
-        # speed after the coming half kicks, and the way it may carry a particle
-        bound = speed + acceleration * wp.float64(0.5) * (dt + clock[LAST_STEP])
-        room = wp.float64(0.9) * (clock[HALF_SKIN] - clock[SHIFT_REACH])
-        if bound * dt > room:
-            dt = room / bound
+        # speed after the coming half kicks, and the way it may carry a particle: never more than the list can bear at once
+        kick = acceleration * wp.float64(0.5) * (dt + clock[LAST_STEP])
+        room = wp.float64(0.45) * clock[SKIN] - clock[SHIFT]
+        if (speed + kick) * dt > room:
+            dt = room / (speed + kick)
         left = clock[TARGET] - clock[TIME]
         running = int(1)
         if left <= wp.float64(1.0e-12) * wp.abs(clock[TARGET]):
@@ -101,14 +120,73 @@ def make_advance(precision: str) -> Any:
         elif left < wp.float64(2.0) * dt:
             dt = wp.float64(0.5) * left  # no sliver of a last step
         clock[STEP] = dt
+        # Half a skin of absolute displacement, or what the last check allows for: one of both must outlast the step.
+        way = clock[OFFSET] + (speed + kick) * dt + clock[SHIFT]
+        drift = clock[DRIFT] + (clock[DRIFT_SPEED] + kick) * dt + clock[SHIFT]
+        lasts = clock[CHECK_TIME] + clock[CHECK_LASTS] >= clock[TIME] + dt
         counters[REBUILD] = 0
-        if clock[OFFSET] + bound * dt + clock[SHIFT_REACH] > clock[HALF_SKIN]:
-            counters[REBUILD] = 1
+        counters[CHECK] = 0
+        if way > wp.float64(0.5) * clock[SKIN]:
+            if way > clock[FARTHEST]:
+                counters[REBUILD] = 1
+            elif not (lasts and clock[CHECKED] + wp.float64(2.0) * drift <= clock[SKIN]):
+                counters[CHECK] = 1
         if counters[STEPS] >= counters[STEP_LIMIT]:
             running = 0
         if counters[FAULT] != 0:
             running = 0
             counters[REBUILD] = 0
+            counters[CHECK] = 0
         counters[RUNNING] = running
 
     return advance
+
+
+@functools.cache
+def make_judge(precision: str) -> tuple[Any, Any]:
+    """Return the one-thread kernels around a check of the list: (set the horizon, judge what was found)."""
+    real = types(2, precision).real
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def set_horizon(clock: wp.array(dtype=wp.float64), horizon: wp.array(dtype=real)):
+        horizon[0] = real(clock[STEP] * wp.float64(HORIZON))
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def judge_list(
+        slack_maxima: wp.array(dtype=real),
+        clock: wp.array(dtype=wp.float64),
+        counters: wp.array(dtype=int),
+    ):
+        n2 = real(0.0)
+        t2 = real(0.0)
+        for slot in range(slack_maxima.shape[0] / 2):
+            n2 = wp.max(n2, slack_maxima[slot * 2])
+            t2 = wp.max(t2, slack_maxima[slot * 2 + 1])
+            slack_maxima[slot * 2] = real(0.0)
+            slack_maxima[slot * 2 + 1] = real(0.0)
+        now = wp.sqrt(wp.float64(n2))
+        then = wp.sqrt(wp.float64(t2))
+        # the longest time for which the mix of both bounds and a constant largest acceleration stay within the skin
+        share = wp.float64(1.0)
+        horizon = clock[STEP] * wp.float64(HORIZON)
+        found = bool(False)
+        while not found and share * wp.float64(HORIZON) >= wp.float64(SHORTEST):
+            time = share * horizon
+            allowed = wp.max(now, now + share * (then - now))
+            steps = share * wp.float64(HORIZON)
+            extra = clock[ACCELERATION] * time * (time + clock[STEP]) + wp.float64(2.0) * steps * clock[SHIFT]
+            if allowed + extra <= wp.float64(0.999) * clock[SKIN]:
+                found = True
+                clock[CHECKED] = allowed
+                clock[CHECK_TIME] = clock[TIME]
+                clock[CHECK_LASTS] = time
+                clock[DRIFT] = wp.float64(0.0)
+                clock[DRIFT_SPEED] = wp.float64(0.0)
+            else:
+                share = share * wp.float64(0.7)
+        counters[CHECK] = 0
+        counters[CHECKS] = counters[CHECKS] + 1
+        if not found:
+            counters[REBUILD] = 1
+
+    return set_horizon, judge_list

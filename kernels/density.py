@@ -8,6 +8,7 @@ from typing import Any
 
 import warp as wp
 
+from .clock import STEP
 from .eos import make_eos
 from .pair import NEAR, WRAPPED, make_entry, separation_of
 from .params import make_params, make_phase
@@ -166,7 +167,7 @@ def make_continuity(spec: Spec) -> Any:
                 rate += real(2.0) * slope(r * params.inv_h) * params.wall_volume * wp.dot(vi - velocity[j], d)
 
         s = density_excess[i]
-        s += real(clock[1]) * (real(1.0) + s) * params.g_norm * rate
+        s += real(clock[STEP]) * (real(1.0) + s) * params.g_norm * rate
         density_excess[i] = s
         state[i] = pair(eos(s, own.stiffness, own.gamma) + own.background, rest_volume[i] / (real(1.0) + s))
 

@@ -36,6 +36,10 @@ def _interface(spec: Spec) -> bool:
     return spec.interface
 
 
+def _band_list(spec: Spec) -> bool:
+    return spec.interface and spec.row_list
+
+
 def _tension(spec: Spec) -> bool:
     return spec.tension != "none"
 
@@ -97,9 +101,9 @@ FIELDS: tuple[Field, ...] = (
     Field("fluid_neighbours", "int16", "all", False, _always, "-", "fluid particles in the list"),
     Field("wall_neighbours", "int16", "fluid", False, _walls, "-", "wall particles in the list, after the fluid"),
     Field("flags", "uint8", "all", False, _flagged, "-", "bits of `pair`: image, first ring, band"),
-    Field("band_mark", "int32", "fluid", False, _interface, "-", "1 in the interface band"),
-    Field("band_sum", "int32", "fluid", False, _interface, "-", "running sum of band_mark"),
-    Field("band", "int32", "fluid", False, _interface, "-", "particles of the interface band, in order"),
+    Field("band_mark", "int32", "fluid", False, _band_list, "-", "1 in the interface band"),
+    Field("band_sum", "int32", "fluid", False, _band_list, "-", "running sum of band_mark"),
+    Field("band", "int32", "fluid", False, _band_list, "-", "particles of the interface band, in order"),
 )
 
 

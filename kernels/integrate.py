@@ -12,7 +12,7 @@ from typing import Any
 
 import warp as wp
 
-from .clock import EXCESS_PRESSURE, LAST_STEP, RUNAWAY, STEP
+from .clock import EXCESS_PRESSURE, LAST_STEP, MAXIMA, RUNAWAY, STEP
 from .params import make_phase
 from .spec import Spec, types_of
 
@@ -61,10 +61,10 @@ def make_kick_drift(spec: Spec) -> Any:
             density_excess[i] = s + (real(1.0) + s) * real(clock[EXCESS_PRESSURE]) * phases[own].compressibility
         v2 = wp.dot(v, v)
         o2 = wp.dot(way, way)
-        if v2 > maxima[slot * 3]:
-            wp.atomic_max(maxima, slot * 3, v2)
-        if o2 > maxima[slot * 3 + 2]:
-            wp.atomic_max(maxima, slot * 3 + 2, o2)
+        if v2 > maxima[slot * MAXIMA]:
+            wp.atomic_max(maxima, slot * MAXIMA, v2)
+        if o2 > maxima[slot * MAXIMA + 2]:
+            wp.atomic_max(maxima, slot * MAXIMA + 2, o2)
         limit = real(clock[RUNAWAY])
         if not (v2 < limit * limit and wp.abs(density_excess[i]) < real(0.9)):  # NaN fails every comparison
             wp.atomic_min(faults, slot, i)

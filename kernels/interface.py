@@ -14,7 +14,7 @@ from typing import Any
 import warp as wp
 
 from .clock import BAND_COUNT
-from .pair import NEAR, make_entry, separation_of
+from .pair import BAND, NEAR, make_entry, separation_of
 from .params import make_params
 from .smoothing import make_smoothing
 from .spec import SWEEP_OPTIONS, Spec, types_of
@@ -45,10 +45,13 @@ def make_fraction(spec: Spec) -> Any:
         state: wp.array(dtype=pair),
         fraction: wp.array(dtype=real),
     ):
-        t = wp.tid() + first
-        if t >= counters[BAND_COUNT]:
+        i = wp.tid() + first
+        if wp.static(spec.row_list):
+            if i >= counters[BAND_COUNT]:
+                return
+            i = band[i]
+        elif (int(flags[i]) & BAND) == 0:
             return
-        i = band[t]
         if (int(flags[i]) & NEAR) == 0:
             fraction[i] = real(1.0)
             return
@@ -91,6 +94,7 @@ def make_normal(spec: Spec) -> Any:
         band: wp.array(dtype=int),
         neighbours: wp.array(dtype=int),
         fluid_neighbours: wp.array(dtype=wp.int16),
+        flags: wp.array(dtype=wp.uint8),
         phase: wp.array(dtype=wp.int8),
         position: wp.array(dtype=vec),
         state: wp.array(dtype=pair),
@@ -98,10 +102,13 @@ def make_normal(spec: Spec) -> Any:
         normal: wp.array(dtype=vec),
         interface_weight: wp.array(dtype=real),
     ):
-        t = wp.tid() + first
-        if t >= counters[BAND_COUNT]:
+        i = wp.tid() + first
+        if wp.static(spec.row_list):
+            if i >= counters[BAND_COUNT]:
+                return
+            i = band[i]
+        elif (int(flags[i]) & BAND) == 0:
             return
-        i = band[t]
         xi = position[i]
         own = phase[i]
         f_i = fraction[i]
@@ -149,6 +156,7 @@ def make_curvature(spec: Spec) -> tuple[Any, Any]:
         band: wp.array(dtype=int),
         neighbours: wp.array(dtype=int),
         fluid_neighbours: wp.array(dtype=wp.int16),
+        flags: wp.array(dtype=wp.uint8),
         phase: wp.array(dtype=wp.int8),
         position: wp.array(dtype=vec),
         state: wp.array(dtype=pair),
@@ -156,10 +164,13 @@ def make_curvature(spec: Spec) -> tuple[Any, Any]:
         interface_weight: wp.array(dtype=real),
         band_curvature: wp.array(dtype=real),
     ):
-        t = wp.tid() + first
-        if t >= counters[BAND_COUNT]:
+        i = wp.tid() + first
+        if wp.static(spec.row_list):
+            if i >= counters[BAND_COUNT]:
+                return
+            i = band[i]
+        elif (int(flags[i]) & BAND) == 0:
             return
-        i = band[t]
         kappa = real(0.0)
         if interface_weight[i] > real(0.0):
             xi = position[i]
@@ -200,16 +211,20 @@ def make_curvature(spec: Spec) -> tuple[Any, Any]:
         band: wp.array(dtype=int),
         neighbours: wp.array(dtype=int),
         fluid_neighbours: wp.array(dtype=wp.int16),
+        flags: wp.array(dtype=wp.uint8),
         phase: wp.array(dtype=wp.int8),
         position: wp.array(dtype=vec),
         interface_weight: wp.array(dtype=real),
         band_curvature: wp.array(dtype=real),
         curvature: wp.array(dtype=real),
     ):
-        t = wp.tid() + first
-        if t >= counters[BAND_COUNT]:
+        i = wp.tid() + first
+        if wp.static(spec.row_list):
+            if i >= counters[BAND_COUNT]:
+                return
+            i = band[i]
+        elif (int(flags[i]) & BAND) == 0:
             return
-        i = band[t]
         kappa = real(0.0)
         if interface_weight[i] > real(0.0):
             xi = position[i]

@@ -12,6 +12,7 @@ from typing import Any
 
 import warp as wp
 
+from .clock import MAXIMA, STEP
 from .pair import BAND, NEAR, WRAPPED, make_entry, separation_of
 from .params import make_params, make_phase
 from .riemann import make_jump, make_star
@@ -235,7 +236,7 @@ def make_momentum(spec: Spec) -> Any:
         if wp.static(spec.shifting):
             # The flow disorders particles at the rate of its velocity gradient, so the shift works at that rate: a resting
             # or a uniformly moving fluid is not stirred.
-            dt = real(clock[1])
+            dt = real(clock[STEP])
             strength = wp.sqrt(wp.ddot(shear, shear)) * dt
             dx = even * (-params.shifting * strength * params.h * params.h * g_norm)
             length = wp.length(dx)
@@ -246,8 +247,11 @@ def make_momentum(spec: Spec) -> Any:
             # what the particle carries is that of its new place: dv = grad v dx, ds = dx.grad p / (rho0 c^2)
             carried[i] = shear * dx
             density_excess[i] = density_excess[i] + wp.dot(dx, gradient) * own.compressibility
+            s2 = wp.dot(dx, dx)
+            if s2 > maxima[slot * MAXIMA + 3]:
+                wp.atomic_max(maxima, slot * MAXIMA + 3, s2)
         a2 = wp.dot(a, a)
-        if a2 > maxima[slot * 3 + 1]:
-            wp.atomic_max(maxima, slot * 3 + 1, a2)
+        if a2 > maxima[slot * MAXIMA + 1]:
+            wp.atomic_max(maxima, slot * MAXIMA + 1, a2)
 
     return momentum

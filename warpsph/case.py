@@ -535,8 +535,14 @@ class Numerics(CaseModel):
     )
     shifting: Annotated[float | _Auto, NumberRule(least=0, most=20, auto=True)] = Field(
         default="auto",
-        description="coefficient of particle shifting. auto: 0.02 with corrected, 0 with conservative",
+        description="coefficient of particle shifting. auto: 16 with corrected, 0 with conservative",
         examples=["0.02"],
+    )
+    unlock: Annotated[float | _Auto, NumberRule(least=0, most=0.3, auto=True)] = Field(
+        default="auto",
+        description="random displacement at the start that breaks the symmetry of a lattice, fraction of "
+        "particle_spacing; start.noise counts if it is larger. auto: 0.05 with corrected, 0 with conservative",
+        examples=["0"],
     )
     volume_constraint: Annotated[bool | _Auto, BeforeValidator(lambda v: _as_switch(v))] = Field(
         default="auto",
@@ -1183,7 +1189,8 @@ def _automatic_choices(case: Case) -> dict[str, Any]:
         "viscosity_form": viscosity,
         "tension_form": "body_force" if paper else "pressure_jump",
         "interface_force": 0.08 if paper else 0.0,
-        "shifting": 0.02 if gradient == "corrected" else 0.0,
+        "unlock": 0.05 if gradient == "corrected" else 0.0,
+        "shifting": 16.0 if gradient == "corrected" else 0.0,
         "volume_constraint": gradient == "corrected" and not case.has_open_sides,
     }
     return {key: value for key, value in choices.items() if getattr(numerics, key) == "auto"}

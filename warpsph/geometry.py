@@ -152,10 +152,11 @@ class Geometry:
         return self.count - self.fluid_count
 
 
-def build(case: Case, support: float) -> Geometry:
+def build(case: Case, support: float, unlock: float = 0.0) -> Geometry:
     """The particles of a case at time 0.
 
     support: support radius of the smoothing kernel, m; sets the thickness of the walls.
+    unlock: least random displacement of the fluid particles as a fraction of the spacing.
 
     Raises CaseError with every problem found: regions that overlap or hold no particle, no fluid at all, a
     domain thinner than a particle, a periodic axis shorter than the support's diameter, start values that are
@@ -175,7 +176,7 @@ def build(case: Case, support: float) -> Geometry:
     phase_index = {name: k for k, name in enumerate(case.phase_names)}
     # The entry appended at the end is what region -1, an empty cell, finds.
     phase_of_region = np.array([*(phase_index[fluid.phase] for fluid in case.fluids), -1], dtype=np.int32)
-    fluid = _fluid(case, lattice, region)
+    fluid = _fluid(case, lattice, region, max(case.start.noise, unlock))
     velocity = _start_velocity(case, fluid, problems)
     pressure = None
     if case.start.pressure is not None:
@@ -572,15 +573,15 @@ class _Fluid:
     shift: NDArray[np.float64] | None
 
 
-def _fluid(case: Case, lattice: Lattice, region: NDArray[np.int32]) -> _Fluid:
+def _fluid(case: Case, lattice: Lattice, region: NDArray[np.int32], noise: float) -> _Fluid:
     """A particle in the middle of every cell that belongs to a region, displaced by `start.noise`."""
     cells = np.nonzero(region >= 0)
     sites = _points(lattice.axes(domain_only=True), cells)
-    if not case.start.noise:
+    if not noise:
         return _Fluid(cells, sites, None)
     spacing = np.array(lattice.spacing)
     shift = np.random.default_rng(case.start.seed).uniform(-1.0, 1.0, sites.shape)
-    shift *= case.start.noise * spacing
+    shift *= noise * spacing
     position = sites + shift
     for k, sides in enumerate(case.sides):
         low, high, gap = lattice.lower[k], lattice.upper[k], _WALL_GAP * lattice.spacing[k]

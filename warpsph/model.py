@@ -67,6 +67,9 @@ class Model:
         self.launcher = Launcher(self.device, threads or default_threads())
         self.geometry = geometry if geometry is not None else build(case, support_radius(case))
         self.physics: Physics = derive(case, self.geometry, row_list=self.launcher.is_cpu)
+        unlock = float(self.physics.choices["unlock"])
+        if geometry is None and unlock > case.start.noise:
+            self.geometry = build(case, self.physics.support, unlock)
         self.particles = Particles(
             self.physics.spec, self.geometry.fluid_count, self.geometry.wall_count, self.device
         )
@@ -155,8 +158,9 @@ class Model:
         clock[ck.COURANT] = float(physics.choices["courant"]) * h
         clock[ck.SOUND] = max(physics.sound_speed)
         clock[ck.FORCE] = 0.25 * math.sqrt(h)
-        clock[ck.SHIFT_REACH] = SHIFT_CAP * h if spec.shifting else 0.0
-        clock[ck.HALF_SKIN] = 0.5 * skin * physics.support
+        clock[ck.SKIN] = skin * physics.support
+        clock[ck.FARTHEST] = 0.25 * (1.0 + skin) * physics.support
+        clock[ck.CHECK_LASTS] = -1.0
         clock[ck.BOX_VOLUME] = float(geometry.volume[: geometry.fluid_count].sum())
         clock[ck.RUNAWAY] = physics.runaway
         counters = np.zeros(ck.COUNTERS_SIZE, dtype=np.int32)
@@ -287,9 +291,10 @@ class Model:
         saved = state["clock"]
         for index in (
             ck.TIME, ck.STEP, ck.LAST_STEP, ck.EXCESS_PRESSURE, ck.BOX_VOLUME, ck.SPEED, ck.ACCELERATION, ck.OFFSET,
+            ck.SHIFT, ck.CHECKED, ck.CHECK_TIME, ck.CHECK_LASTS, ck.DRIFT, ck.DRIFT_SPEED,
         ):  # fmt: skip
             clock[index] = saved[index]
         self.stepper.write(
             clock=dict(enumerate(clock)),
-            counters={k: int(state["counters"][k]) for k in (ck.STEPS, ck.REBUILDS, ck.SINCE_CONSTRAINT)},
+            counters={k: int(state["counters"][k]) for k in (ck.STEPS, ck.REBUILDS, ck.SINCE_CONSTRAINT, ck.CHECKS)},
         )

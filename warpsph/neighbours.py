@@ -14,8 +14,8 @@ import numpy as np
 import warp as wp
 
 from warpsph.errors import CapacityError
-from warpsph.kernels import cells
-from warpsph.kernels.clock import BAND_COUNT
+from warpsph.kernels import cells, slack
+from warpsph.kernels.clock import BAND_COUNT, make_judge
 from warpsph.kernels.spec import Spec, types_of
 from warpsph.launch import Bindings, Launcher, Task
 from warpsph.particles import Particles
@@ -91,7 +91,6 @@ class NeighbourList:
         self.bindings = bindings
         self.support = support
         self.list_radius = support * (1.0 + skin)
-        self.half_skin = 0.5 * skin * support
         spec, device = particles.spec, particles.device
         counts, widths = grid_layout(lower, upper, periodic, self.list_radius)
         self.cells_per_axis = counts
@@ -121,6 +120,13 @@ class NeighbourList:
             sort_order=self.sort_order,
             list_peak=self.list_peak,
         )
+        # extremes of the displacements in each cell, and over a window of cells (two buffers, one axis after the other)
+        real = types_of(spec).real
+        self.cell_count = cell_count
+        self._extremes = [[wp.empty(cell_count, dtype=vec, device=device) for _ in range(4)] for _ in range(3)]
+        self.slack_maxima = wp.zeros(2 * launcher.threads, dtype=real, device=device)
+        bindings.update(slack_maxima=self.slack_maxima, horizon=wp.zeros(1, dtype=real, device=device))
+        self.check_tasks = self._make_check_tasks()
         self.width = 0
         self.neighbours: Any = None
         self.resize(width)
@@ -195,12 +201,42 @@ class NeighbourList:
             mark, gather = cells.make_band(spec)
             tasks.append(launcher.task("band", mark, fluid, bindings))
 
-            def add_up() -> None:
-                wp.utils.array_scan(particles.arrays["band_mark"], particles.arrays["band_sum"], inclusive=True)
+            if spec.row_list:
 
-            tasks.append(Task("band", add_up))
-            tasks.append(launcher.task("band", gather, fluid, bindings))
+                def add_up() -> None:
+                    wp.utils.array_scan(particles.arrays["band_mark"], particles.arrays["band_sum"], inclusive=True)
+
+                tasks.append(Task("band", add_up))
+                tasks.append(launcher.task("band", gather, fluid, bindings))
         tasks.append(launcher.task("finish", cells.make_finish(), 1, bindings, single=True))
+        return tasks
+
+    def _make_check_tasks(self) -> list[Task]:
+        """Return the tasks that find out whether the list outlasts the next steps, see `kernels/slack.py`."""
+        spec, launcher, bindings = self.particles.spec, self.launcher, self.bindings
+        bindings.update(offset=self.particles.arrays["offset"], velocity=self.particles.arrays["velocity"])
+        extremes, window, relative = slack.make_slack(spec)
+        set_horizon, judge = make_judge(spec.precision)
+        names = ("low_now", "high_now", "low_then", "high_then")
+        cells_, spare, other = self._extremes
+
+        def arguments(source: list[Any], target: list[Any]) -> dict[str, Any]:
+            found = dict(zip(names, source, strict=True))
+            found.update(zip((f"{name}_out" for name in names), target, strict=True))
+            return found
+
+        tasks = [
+            launcher.task("check", set_horizon, 1, bindings, single=True),
+            launcher.task("check", extremes, self.cell_count, bindings, special=arguments(cells_, spare)),
+        ]
+        source = cells_
+        for axis in range(spec.dimension):
+            target = spare if source is not spare else other
+            special = {"axis": axis, **arguments(source, target)}
+            tasks.append(launcher.task("check", window, self.cell_count, bindings, special=special))
+            source = target
+        tasks.append(launcher.task("check", relative, self.cell_count, bindings, special=arguments(cells_, source)))
+        tasks.append(launcher.task("check", judge, 1, bindings, single=True))
         return tasks
 
     def band_count(self, counters: np.ndarray) -> int:

@@ -31,6 +31,11 @@ VISCOUS_LIMIT = {"morris": 0.125, "radial": 0.06, "paper": 0.06}
 IMPROVED_RATIO = 1.5
 PAPER_RATIO = 1.25
 SKIN = 0.12
+# Shift of a step over h^2 |grad v| dt sum grad W V: how much faster particles are evened out than the flow disorders them.
+SHIFTING = 16.0
+# Displacement that breaks the symmetry of a lattice, in particle spacings: for the corrected gradient a perfect lattice
+# that is sheared is a balance on a knife's edge, which ends in voids.
+UNLOCK = 0.05
 
 
 def smoothing_ratio(case: Case) -> float:
@@ -136,12 +141,17 @@ def derive(case: Case, geometry: Geometry, row_list: bool = True) -> Physics:
     zeta = choose("interface_force", 0.08 if paper else 0.0, "printed value" if paper else "phases stay apart without")
     choose("smoothing_ratio", smoothing_ratio(case), "printed value" if paper else "least locking and noise")
     shifting = choose(
-        "shifting", 0.02 if corrected else 0.0, "the corrected gradient needs it" if corrected else "not needed"
+        "shifting", SHIFTING if corrected else 0.0, "the corrected gradient needs it" if corrected else "not needed"
     )
     constraint = choose(
         "volume_constraint",
         corrected and filled,
         "the corrected gradient leaves the mean pressure free" if corrected and filled else "not needed",
+    )
+    choose(
+        "unlock",
+        UNLOCK if corrected else 0.0,
+        "a perfect lattice is no start for the corrected gradient" if corrected else "not needed",
     )
     dissipation = choose("velocity_dissipation", 1.0, "Riemann problem")
     courant = choose("courant", 0.5, "half of the measured limit of the leapfrog")

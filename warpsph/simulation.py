@@ -6,30 +6,34 @@ The loop, in words:
     record what is due at the start (gauges, particles)
     until the end time:
         step to the next moment at which something is due, in portions of about half a second
-            after each portion: report progress; stop on a fault or on Ctrl-C
-        gauges, particles, checkpoint: each where due, handed to a writer thread as copies
+            after each portion: report progress; stop on a fault
+        gauges, particles, checkpoint: each where due, in this order, handed to a writer thread as copies
+        after Ctrl-C: a checkpoint, and stop
     write the last checkpoint and particles, compare with the references, write summary.json
+
+A checkpoint is queued behind everything else that is due at its time, and the writer keeps that order: what a
+restart finds on the disk is complete up to the checkpoint, whenever the process was killed.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import importlib.metadata
+import json
 import math
 import platform
 import signal
-import sys
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from warpsph import checkpoint
-from warpsph.comparison import compare
+from warpsph.comparison import compare, format_comparison
 from warpsph.errors import CaseError, DivergenceError, Interrupted, OutputError, Problem, WarpsphError
 from warpsph.gauges import GaugeSet, PhaseEos
 from warpsph.geometry import build
@@ -43,8 +47,13 @@ if TYPE_CHECKING:
     from warpsph.model import Model
 
 PORTION = 0.5  # s of wall time between two looks at the clock
-FIRST_STEPS = 20
-# Million particle-steps per second to expect where nothing was measured yet; only for the estimate of `check`.
+FIRST_STEPS = 1
+REACHED = 1.0e-12  # a time counts as reached within this share of it: the sum of the steps is rounded
+LOG_SHARE, LOG_SECONDS = 0.05, 60.0  # a line of the log after each 5 % of the run, and at least every minute
+SAME_CASE = "restart with the case of its run"
+# What a checkpoint was made of; a restart may change anything else.
+SCENE = ("dimension", "particle_spacing", "precision", "domain", "fluids", "obstacles")
+# Million particle-steps per second to expect where nothing was measured yet, for the estimate of `check`.
 GUESSED_RATE = {"cpu": 2.0, "cuda": 300.0}
 
 
@@ -71,9 +80,13 @@ class Simulation:
         threads: threads of a CPU device (default: all processors).
         restart: checkpoint file, its folder, or a run folder to go on from.
 
+    A restart that writes into the folder of its checkpoint continues the files there and drops what is later
+    than the checkpoint; another folder must be new or empty, and starts at the time of the checkpoint.
+
     Raises:
         CaseError: the device does not exist, or the checkpoint does not fit the case.
         OutputError: the output folder cannot be used.
+        CapacityError: the neighbour list cannot hold the particles of the start.
 
     Attributes:
         case: the case.
@@ -96,44 +109,55 @@ class Simulation:
         _check_device(device)
         self.case = case
         self.summary: dict[str, Any] = {}
-        self.started_at = 0.0
+        self.warnings: list[str] = []
+        self.folder: RunFolder | None = None
+        self._restart: Path | None = None
         state: dict[str, np.ndarray] | None = None
         attributes: dict[str, Any] = {}
         if restart is not None:
-            state, attributes = _load_checkpoint(Path(restart))
+            self._restart = _find_checkpoint(Path(restart), self.warnings.append)
+            state, attributes = checkpoint.load(self._restart)
         self.model: Model = Model(case, device=device, threads=threads)
         if state is not None:
             _check_fit(self.model, state, attributes)
             try:
                 self.model.load_state(state)
             except ValueError as error:
-                raise CaseError(
-                    [Problem("restart", str(restart), f"does not fit the case: {error}", "restart with the case of its run")]
-                ) from error
+                rule = f"does not fit the case: {error}"
+                raise CaseError([Problem("restart", str(restart), rule, SAME_CASE)]) from error
         self.physics: Physics = self.model.physics
-        self.warnings = [*self.model.geometry.warnings, *self.physics.warnings]
-        self.folder = self._open_folder(output, restart is not None)
-        self.model.stepper.prepare(fresh=state is None)
+        self.warnings += [*self.model.geometry.warnings, *self.physics.warnings]
         self.started_at = self.model.time
-        eos = {
-            name: PhaseEos(phase.density, c, phase.gamma, phase.background_pressure)
-            for (name, phase), c in zip(case.phases.items(), self.physics.sound_speed, strict=True)
-        }
-        self._gauges = GaugeSet(
-            case,
-            None if self.folder is None else self.folder.gauges,
-            eos=eos,
-            restart_time=self.started_at if restart is not None and self.folder is not None else None,
-        )
+        self.first_step = self.model.steps
+        resume = output is not None and self._restart is not None and _is_inside(self._restart, Path(output))
+        # The folder is taken first, so that a wrong one is told before kernels are compiled; of what it holds
+        # nothing is cut before everything else has worked.
+        self.folder = self._open_folder(output, resume)
+        try:
+            self.model.stepper.prepare(fresh=state is None)
+            self._gauges = self._make_gauges(resume)
+            if self.folder is not None and resume:
+                self.folder.cut_after(self.started_at)
+                checkpoint.delete_after(self.folder.checkpoints, self.first_step)
+            self._log_start()
+        except BaseException as error:
+            if self.folder is not None:
+                with suppress(OutputError):
+                    self.folder.log(f"failed: {error}")
+                self.folder.close()
+            raise
         # when to take a snapshot; the gauges' own schedules move on when the writer thread has done the rows
         self._moments = {name: _schedule(spec) for name, spec in case.gauges.items()}
         for moment in self._moments.values():
             if self.started_at > 0:
                 moment.advance(self.started_at * (1.0 - 1.0e-8))
         self._last_frame = -1.0
-        self._interrupted = False
+        if self.folder is not None and self.folder.series["fluid"].frames:
+            self._last_frame = self.folder.series["fluid"].frames[-1][0]
+        self._signal = ""
+        self._writing: Writer | None = None
         self.setup_seconds = time.perf_counter() - begin
-        self._snapshot_seconds = 0.0
+        self._copy_seconds = 0.0
 
     def _open_folder(self, output: Path | str | None, resume: bool) -> RunFolder | None:
         if output is None:
@@ -144,18 +168,43 @@ class Simulation:
         options: dict[str, Any] = {"precision": self.case.precision}
         if particles is not None:
             options["fields"] = particles.fields
-        folder = RunFolder(output, case_text=dump_case(self.case), resume=resume, **options)
-        if resume:
-            folder.cut_after(self.model.time)
-            checkpoint.delete_after(folder.checkpoints, self.model.steps)
-        for line in self.warnings:
-            folder.log(f"warning: {line}")
-        return folder
+        return RunFolder(output, case_text=dump_case(self.case, folder=output), resume=resume, **options)
 
-    # Python access -------------------------------------------------------------------------------------------------
+    def _make_gauges(self, resume: bool) -> GaugeSet:
+        eos = {
+            name: PhaseEos(phase.density, c, phase.gamma, phase.background_pressure)
+            for (name, phase), c in zip(self.case.phases.items(), self.physics.sound_speed, strict=True)
+        }
+        folder = None if self.folder is None else self.folder.gauges
+        return GaugeSet(self.case, folder, eos=eos, restart_time=self.started_at if resume else None)
+
+    def _log_start(self) -> None:
+        if self.folder is None:
+            return
+        from warpsph import __version__
+
+        model = self.model
+        particles = model.particles
+        origin = "starts"
+        if self._restart is not None:
+            origin = f"goes on from {self._restart} (step {self.first_step})"
+        self.folder.log(
+            f"warpsph {__version__} {origin} at t = {model.time:.6g} s, to {self.case.end_time:g} s: "
+            f"{particles.fluid_count} fluid and {particles.wall_count} wall particles, {model.device}, "
+            f"{model.launcher.threads} threads, {self.case.precision}"
+        )
+        for line in self.warnings:
+            self.folder.log(f"warning: {line}")
+
+    # Python access ------------------------------------------------------------------------------------------
 
     def gauge(self, name: str) -> dict[str, np.ndarray]:
-        """Return what a gauge has measured: column -> (rows,) array, `time` [s] among them. Raises KeyError."""
+        """Return what a gauge has measured: column -> (rows,) array, `time` [s] among them.
+
+        Raises KeyError if there is no such gauge.
+        """
+        if self._writing is not None:
+            self._writing.flush()  # rows are added by the writer thread
         return self._gauges.series(name)
 
     @property
@@ -163,7 +212,7 @@ class Simulation:
         """A host copy of the present state."""
         return self.model.snapshot()
 
-    # the run -------------------------------------------------------------------------------------------------------
+    # the run ------------------------------------------------------------------------------------------------
 
     def run(self, progress: Callable[[Progress], None] | None = None) -> Simulation:
         """Run to the end time of the case and return self.
@@ -177,18 +226,25 @@ class Simulation:
             OutputError: results cannot be written.
             Interrupted: Ctrl-C; the state is in a checkpoint.
         """
+        if self.folder is not None and self.summary:
+            raise WarpsphError(
+                f"{self.folder.path}: this run is over; make a new Simulation with restart= to go on"
+            )
         begin = time.perf_counter()
-        status = "failed"
-        first_step = self.model.steps
-        with self._writer() as writer, self._watch_interrupt():
+        status, failure, self._signal = "failed", None, ""
+        with self._watch_signals(), self._writer() as writer:
             try:
                 self._loop(writer, progress)
+                if writer is not None:
+                    writer.flush()
                 status = "finished"
-            except Interrupted:
-                status = "interrupted"
+            except BaseException as error:
+                failure = error
+                if isinstance(error, (DivergenceError, Interrupted)):
+                    status = "diverged" if isinstance(error, DivergenceError) else "interrupted"
                 raise
             finally:
-                self._close(writer, status, begin, first_step)
+                self._close(writer, status, failure, begin)
         return self
 
     def _loop(self, writer: Writer | None, progress: Callable[[Progress], None] | None) -> None:
@@ -198,22 +254,30 @@ class Simulation:
         now = self.model.time
         saves.advance(now)  # the start itself can always be made again
         if now > 0:
-            frames.advance(now)
+            # a frame at the start of a restart is in the folder already, unless the folder is a new one
+            frames.advance(now if self._last_frame >= 0 else now * (1.0 - 1.0e-8))
         self._record(writer, frames)
         meter = _Meter(self, progress)
-        while self.model.time < end:
+        while not _reached(self.model.time, end):
             target = min(end, *(s.next for s in (*self._moments.values(), frames, saves)))
             self._step_to(target, meter, writer)
+            # also before a stop: a restart takes what is due at its time as written
             self._record(writer, frames)
-            if saves.due(self.model.time) and self.model.time < end:
+            if self._signal:
+                self._stop(writer)
+            if saves.due(self.model.time) and not _reached(self.model.time, end):
                 self._save(writer)
                 saves.advance(self.model.time)
         if self.folder is not None and case.output.checkpoint is not None:
             self._save(writer)
+        else:
+            self._check(self.model.save_state(), writer)
         if case.output.particles is not None and self._last_frame != self.model.time:
             self._frame(writer, self._take())
+        meter.report(last=True)
 
     def _step_to(self, target: float, meter: _Meter, writer: Writer | None) -> None:
+        """Step until the target time, or until a signal asks to stop."""
         from warpsph.kernels import clock as ck
 
         stepper = self.model.stepper
@@ -223,15 +287,26 @@ class Simulation:
             if counters[ck.FAULT] == ck.FAULT_STATE:
                 self._fail(int(counters[ck.FAULT_PARTICLE]), writer)
             meter.report()
-            if self._interrupted:
-                if self.folder is not None:
-                    self._save(writer)
-                raise Interrupted(
-                    f"stopped by Ctrl-C at t = {self.model.time:.6g} s (step {self.model.steps})"
-                    + (f"; go on with --restart {self.folder.path}" if self.folder is not None else "")
-                )
-            if clock[ck.TIME] >= target * (1.0 - 1.0e-12):
+            if self._signal or _reached(float(clock[ck.TIME]), target):
                 return
+
+    def _stop(self, writer: Writer | None) -> None:
+        """Save the state, wait until it is on the disk, and raise Interrupted."""
+        text = f"stopped by {self._signal} at t = {self.model.time:.6g} s (step {self.model.steps})"
+        if writer is not None and self.folder is not None:
+            self._save(writer)
+            writer.flush()
+            text += f"; go on with --restart {self.folder.path}"
+        raise Interrupted(text)
+
+    def _check(self, state: Mapping[str, np.ndarray], writer: Writer | None) -> None:
+        """Stop if a saved state is not finite: the device would see it only in the next step."""
+        rows = self.model.particles.fluid_count
+        for name, field in self.model.particles.fields.items():
+            if field.kept and field.rows != "wall" and state[name].dtype.kind == "f":
+                finite = np.isfinite(state[name][:rows]).reshape(rows, -1).all(axis=1)
+                if not finite.all():
+                    self._fail(int(np.argmin(finite)), writer)
 
     def _fail(self, row: int, writer: Writer | None) -> None:
         """Report the particle that ran away and keep the state for a look."""
@@ -247,31 +322,36 @@ class Simulation:
             quantity, value = "velocity", "not finite"
         elif not math.isfinite(excess) or abs(excess) >= 0.9:
             quantity, value = "density", f"rho/rho0 - 1 = {excess:.3g}"
-        else:
+        elif speed >= self.physics.runaway:
             quantity, value = "velocity", f"{speed:.4g} m/s, limit {self.physics.runaway:.4g} m/s"
+        else:
+            quantity, value = "acceleration", "not finite"
         where = ""
         if self.folder is not None:
-            if writer is not None:
-                writer.flush()
-            where = f"; the state is in {self.folder.write_failed_state(model.snapshot())}"
-            last = checkpoint.latest(self.folder.checkpoints)
+            try:
+                if writer is not None:
+                    writer.flush()
+                where = f"; the state is in {self.folder.write_failed_state(model.snapshot())}"
+            except OutputError as error:  # must not hide what happened
+                where = f"; the state could not be written: {error}"
+            last = checkpoint.latest(self.folder.checkpoints, self.folder.log)
             if last is not None:
-                where += f", the last good one in {last}"
+                where += f"; the last good one is in {last}"
         raise DivergenceError(
             f"the run diverged at t = {model.time:.6g} s (step {model.steps}): particle {identity} at "
-            f"{_point(position)} has {quantity} {value}{where}. Usual causes: a sound speed that is too low, a start far "
-            "from equilibrium, or too large a Courant number (numerics.courant)",
+            f"{_point(position)} has {quantity} {value}{where}. Usual causes: a sound speed that is too low, "
+            "a start far from equilibrium, or too large a Courant number (numerics.courant)",
             particle=identity,
             time=model.time,
             quantity=quantity,
         )
 
-    # output --------------------------------------------------------------------------------------------------------
+    # output -------------------------------------------------------------------------------------------------
 
     def _take(self) -> Snapshot:
         begin = time.perf_counter()
         snapshot = self.model.snapshot()
-        self._snapshot_seconds += time.perf_counter() - begin
+        self._copy_seconds += time.perf_counter() - begin
         return snapshot
 
     def _record(self, writer: Writer | None, frames: Schedule) -> None:
@@ -284,7 +364,9 @@ class Simulation:
         if due:
             needs = self._gauges.needs(due)
             if "extra" in needs:
+                begin = time.perf_counter()
                 self._add_extra(snapshot, due)
+                self._copy_seconds += time.perf_counter() - begin
             self._put(writer, "gauges", snapshot)
             for name in due:
                 self._moments[name].advance(now)
@@ -304,17 +386,18 @@ class Simulation:
             self._write_gauges(payload)
 
     def _write_gauges(self, snapshot: Snapshot) -> None:
-        box = self._box()
+        box, support = self._box(), self.physics.support
         points, fields = self._gauges.sample_points, self._gauges.sample_fields
-        for name, positions in points.items():
-            snapshot.samples[name] = sample(snapshot, positions, fields[name], self.physics.support, box)
+        for name in self._gauges.due(snapshot.time):
+            if name in points:
+                snapshot.samples[name] = sample(snapshot, points[name], fields[name], support, box)
         self._gauges.record(snapshot)
 
     def _box(self) -> list[float]:
-        lattice = self.model.geometry.lattice
+        lattice, periodic = self.model.geometry.lattice, self.physics.spec.periodic
         return [
             upper - lower if wraps else 0.0
-            for lower, upper, wraps in zip(lattice.lower, lattice.upper, self.physics.spec.periodic, strict=True)
+            for lower, upper, wraps in zip(lattice.lower, lattice.upper, periodic, strict=True)
         ]
 
     def _add_extra(self, snapshot: Snapshot, due: list[str]) -> None:
@@ -325,8 +408,11 @@ class Simulation:
             snapshot.extra.update(self.model.wall_forces())
 
     def _save(self, writer: Writer | None) -> None:
+        begin = time.perf_counter()
         state = self.model.save_state()
+        self._check(state, writer)
         payload = (self.model.steps, state, self._attributes())
+        self._copy_seconds += time.perf_counter() - begin
         self._put(writer, "checkpoint", payload)
 
     def _write_checkpoint(self, payload: tuple[int, dict[str, np.ndarray], dict[str, Any]]) -> None:
@@ -347,6 +433,7 @@ class Simulation:
             "step": self.model.steps,
             "device": str(self.model.device),
             "precision": self.case.precision,
+            "scene": _scene(self.case),
         }
 
     @contextmanager
@@ -354,45 +441,54 @@ class Simulation:
         if self.folder is None:
             yield None
             return
-        handlers = {
+        handlers: dict[str, Callable[[Any], object]] = {
             "gauges": self._write_gauges,
             "particles": self.folder.write_particles,
             "checkpoint": self._write_checkpoint,
         }
         with Writer(handlers) as writer:
-            yield writer
-
-    def _close(self, writer: Writer | None, status: str, begin: float, first_step: int) -> None:
-        """Finish what is being written, compare with the references and write the summary."""
-        problem = None
-        try:
-            if writer is not None:
-                writer.flush()
-        except WarpsphError as error:
-            problem = error
-        self._gauges.close()
-        self.summary = self._summarise(status, time.perf_counter() - begin, first_step, writer)
-        if self.folder is not None:
+            self._writing = writer
             try:
-                self.folder.write_summary(self.summary)
-                self.folder.log(
-                    f"{status}: t = {self.model.time:.6g} s, {self.model.steps} steps, {self.summary['wall_seconds']:.2f} s"
-                )
-            except OutputError as error:
-                problem = problem or error
+                yield writer
             finally:
-                self.folder.close()
-        if problem is not None and sys.exc_info()[0] is None:
-            raise problem
+                self._writing = None
 
-    def _summarise(self, status: str, seconds: float, first_step: int, writer: Writer | None) -> dict[str, Any]:
+    def _close(self, writer: Writer | None, status: str, failure: BaseException | None, begin: float) -> None:
+        """Finish what is being written, compare with the references and write the summary."""
+        if writer is not None:
+            with suppress(WarpsphError):  # after a failure; a finished run has waited for the writer already
+                writer.flush()
+        self._gauges.close()
+        self.summary = self._summarise(status, failure, time.perf_counter() - begin, writer)
+        if self.folder is None:
+            return
+        try:
+            seconds = self.summary["wall_seconds"]
+            self.folder.log(
+                f"{status}: t = {self.model.time:.6g} s, {self.model.steps} steps, {seconds:.2f} s"
+            )
+            for line in format_comparison(list(self.summary["errors"].values())):
+                self.folder.log(line)
+            if failure is not None:
+                self.folder.log(str(failure) or type(failure).__name__)
+            self.folder.write_summary(self.summary)
+        except OutputError:
+            if failure is None:
+                raise
+        finally:
+            self.folder.close()
+
+    def _summarise(
+        self, status: str, failure: BaseException | None, seconds: float, writer: Writer | None
+    ) -> dict[str, Any]:
         model = self.model
-        steps = model.steps - first_step
+        steps = model.steps - self.first_step
+        origin = None if self._restart is None else {"time": self.started_at, "step": self.first_step}
         particles = model.particles
         last = model.snapshot() if status == "finished" else None
         results = compare(self.case, None, gauges=self._gauges, snapshot=last, end_time=model.time)
         stages: dict[str, float] = {}
-        for task in [*model.stepper.step_tasks, *model.stepper.list.tasks]:
+        for task in [*model.stepper.step_tasks, *model.stepper.list.tasks, *model.stepper.list.check_tasks]:
             label = task.name if task in model.stepper.step_tasks else f"list: {task.name}"
             stages[label] = stages.get(label, 0.0) + task.seconds
         from warpsph import __version__
@@ -402,8 +498,10 @@ class Simulation:
         return {
             "title": self.case.title,
             "status": status,
+            "problem": None if failure is None else str(failure) or type(failure).__name__,
             "time": model.time,
             "steps": model.steps,
+            "restarted_from": origin,
             "particles": particles.count,
             "fluid_particles": particles.fluid_count,
             "wall_particles": particles.wall_count,
@@ -418,7 +516,7 @@ class Simulation:
             "bytes_per_particle": (particles.memory()) / max(particles.count, 1),
             "timings": {name: value for name, value in stages.items() if value > 0.0},
             "output_seconds": {
-                "copying": self._snapshot_seconds,
+                "copying": self._copy_seconds,
                 "writing beside the run": writer.busy_seconds if writer is not None else 0.0,
             },
             "sound_speed": dict(zip(self.case.phase_names, self.physics.sound_speed, strict=True)),
@@ -430,24 +528,28 @@ class Simulation:
         }
 
     @contextmanager
-    def _watch_interrupt(self) -> Iterator[None]:
-        """Turn Ctrl-C into a flag that is looked at between portions, so that nothing is left half done."""
+    def _watch_signals(self) -> Iterator[None]:
+        """Turn Ctrl-C and a request to end into a flag that is looked at between portions.
+
+        So nothing is left half done; further signals change nothing until the output is finished.
+        """
         if threading.current_thread() is not threading.main_thread():
             yield
             return
 
-        def note(_number: int, _frame: Any) -> None:
-            self._interrupted = True
+        def note(number: int, _frame: Any) -> None:
+            self._signal = "Ctrl-C" if number == signal.SIGINT else signal.Signals(number).name
 
-        before = signal.signal(signal.SIGINT, note)
+        before = {number: signal.signal(number, note) for number in (signal.SIGINT, signal.SIGTERM)}
         try:
             yield
         finally:
-            signal.signal(signal.SIGINT, before)
+            for number, handler in before.items():
+                signal.signal(number, handler)
 
 
 class _Meter:
-    """Watches the rate of a run and sizes the portions between two looks."""
+    """Watches the rate of a run, sizes the portions between two looks, and tells the caller and the log."""
 
     def __init__(self, simulation: Simulation, progress: Callable[[Progress], None] | None) -> None:
         self.simulation = simulation
@@ -456,26 +558,37 @@ class _Meter:
         self.begin = time.perf_counter()
         self.first_time = simulation.model.time
         self.last = (self.begin, simulation.model.steps)
-        self.told = self.begin
+        self.logged = (self.begin, self.first_time / simulation.case.end_time)
 
-    def report(self) -> None:
+    def report(self, last: bool = False) -> None:
+        """Take note of the steps done; tell it if it is time to, and at the last call in any case."""
         model = self.simulation.model
         now, steps = time.perf_counter(), model.steps
         took, done = now - self.last[0], steps - self.last[1]
         if done > 0 and took > 0.02:
             self.portion = int(min(max(done / took * PORTION, 1), 20 * self.portion, 10_000_000))
-        if self.progress is None or now - self.told < 0.9 * PORTION:
+        end = self.simulation.case.end_time
+        share = model.time / end
+        log = now - self.logged[0] >= LOG_SECONDS or share - self.logged[1] >= LOG_SHARE
+        tell = last or took >= 0.9 * PORTION
+        if not (log or tell):
             return
         rate = done * model.particles.count / max(took, 1e-9) / 1e6
-        end = self.simulation.case.end_time
         simulated = model.time - self.first_time
         left = (end - model.time) / simulated * (now - self.begin) if simulated > 0 else None
         from warpsph.kernels import clock as ck
 
         dt = float(model.stepper.read()[0][ck.LAST_STEP])
-        self.progress(Progress(model.time, end, steps, dt, rate, model.time / end, left))
-        self.last = (now, steps)
-        self.told = now
+        if tell:
+            self.last = (now, steps)
+            if self.progress is not None:
+                self.progress(Progress(model.time, end, steps, dt, rate, share, left))
+        if log and self.simulation.folder is not None:
+            self.logged = (now, share)
+            self.simulation.folder.log(
+                f"{100 * share:.0f} %: t = {model.time:.6g} s, step {steps}, dt {dt:.3g} s, {rate:.3g} Mups, "
+                f"{now - self.begin:.1f} s"
+            )
 
 
 def run(case: Case, **options: Any) -> Simulation:
@@ -483,7 +596,7 @@ def run(case: Case, **options: Any) -> Simulation:
     return Simulation(case, **options).run()
 
 
-# before a run ------------------------------------------------------------------------------------------------------
+# before a run -------------------------------------------------------------------------------------------
 
 
 def describe(case: Case) -> dict[str, Any]:
@@ -496,7 +609,9 @@ def describe(case: Case) -> dict[str, Any]:
 
     geometry = build(case, support_radius(case))
     physics = derive(case, geometry)
-    known: dict[str, Any] = {f"numerics.{key}": value for key, value in physics.choices.items() if value is not None}
+    known: dict[str, Any] = {
+        f"numerics.{key}": value for key, value in physics.choices.items() if value is not None
+    }
     for name, c in zip(case.phase_names, physics.sound_speed, strict=True):
         known[f"phases.{name}.sound_speed"] = c
     for name, value in physics.scales.items():
@@ -505,7 +620,7 @@ def describe(case: Case) -> dict[str, Any]:
     return {
         "resolved": case.resolved(known),
         "structure": {
-            **{field.name: getattr(spec, field.name) for field in dataclasses.fields(spec) if field.name != "row_list"},
+            **{name: value for name, value in dataclasses.asdict(spec).items() if name != "row_list"},
             "smoothing length": f"{physics.h:.6g} m",
             "support radius": f"{physics.support:.6g} m",
             "step limits": {name: f"{value:.4g} s" for name, value in physics.step_cap.items()},
@@ -536,7 +651,9 @@ def estimate(case: Case) -> dict[str, Any]:
     memory += geometry.count * (16 + 2 * spec.dimension * width)  # sort keys and scratch
     capacity = case.numerics.neighbour_capacity
     skin = float(physics.choices["skin"])
-    entries = default_width(spec, physics.support, case.spacing, skin) if capacity == "auto" else int(capacity)
+    if capacity == "auto":
+        capacity = default_width(spec, physics.support, case.spacing, skin)
+    entries = int(capacity)
     memory += geometry.count * entries * 4
     dt = physics.estimated_step()
     steps = math.ceil(case.end_time / dt)
@@ -551,7 +668,7 @@ def estimate(case: Case) -> dict[str, Any]:
     }
 
 
-# helpers -----------------------------------------------------------------------------------------------------------
+# helpers ------------------------------------------------------------------------------------------------
 
 
 def _schedule(output: Any) -> Schedule:
@@ -570,30 +687,48 @@ def _check_device(device: str) -> None:
 
     names = [str(known) for known in wp.get_devices()]
     if device not in names and not (device == "cuda" and wp.is_cuda_available()):
-        raise CaseError([Problem("device", device, "no such device here", f"choose from: {', '.join(names)}")])
+        remedy = f"choose from: {', '.join(names)}"
+        raise CaseError([Problem("device", device, "no such device here", remedy)])
 
 
-def _load_checkpoint(path: Path) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
-    file = path
-    if path.is_dir():
-        folder = path / "checkpoint" if (path / "checkpoint").is_dir() else path
-        found = checkpoint.latest(folder)
-        if found is None:
-            raise CaseError([Problem("restart", str(path), "holds no readable checkpoint", "name a .h5 file or a run folder")])
-        file = found
-    return checkpoint.load(file)
+def _reached(moment: float, target: float) -> bool:
+    return moment >= target * (1.0 - REACHED)
+
+
+def _find_checkpoint(path: Path, message: Callable[[str], None]) -> Path:
+    """Return the checkpoint that a file, a checkpoint folder or a run folder stands for; raises CaseError."""
+    if not path.is_dir():
+        return path
+    folder = path / "checkpoint" if (path / "checkpoint").is_dir() else path
+    found = checkpoint.latest(folder, message)
+    if found is None:
+        rule, remedy = "holds no readable checkpoint", "name a .h5 file or a run folder, or run the case anew"
+        raise CaseError([Problem("restart", str(path), rule, remedy)])
+    return found
+
+
+def _is_inside(file: Path, folder: Path) -> bool:
+    """Whether a checkpoint is one of the run folder's own."""
+    return file.resolve().parent == (folder / "checkpoint").resolve()
+
+
+def _scene(case: Case) -> dict[str, Any]:
+    """Return what must not change between a checkpoint and a restart, as JSON data; densities may."""
+    data = {key: value for key, value in case.to_dict(defaults=True).items() if key in SCENE}
+    return {**json.loads(json.dumps(data)), "phases": case.phase_names}
 
 
 def _check_fit(model: Model, state: Mapping[str, np.ndarray], attributes: Mapping[str, Any]) -> None:
-    """Refuse a checkpoint of another scene; numbers that may change on purpose (end time, outputs) are not compared."""
-    problems = []
-    if attributes.get("precision") != model.case.precision:
-        rule = f"was written in {attributes.get('precision')}"
-        problems.append(Problem("precision", model.case.precision, rule, "restart with the same precision"))
+    """Refuse a checkpoint of another scene; what may change on purpose (end time ...) is not compared."""
+    saved, problems = attributes.get("scene", {}), []
+    for key, value in _scene(model.case).items():
+        if saved.get(key) != value:
+            rule = f"the checkpoint was written with {saved.get(key)}"
+            problems.append(Problem(key, value, rule, SAME_CASE))
     count = len(state.get("anchor", ()))
-    if count != model.particles.count:
+    if not problems and count != model.particles.count:
         rule = f"the checkpoint holds {count} particles, the case {model.particles.count}"
-        problems.append(Problem("restart", count, rule, "restart with the case of its run"))
+        problems.append(Problem("restart", count, rule, SAME_CASE))
     if problems:
         raise CaseError(problems)
 
@@ -603,10 +738,19 @@ def _machine() -> dict[str, Any]:
 
     return {
         "system": platform.platform(),
-        "processor": platform.processor() or platform.machine(),
+        "processor": _processor(),
         "processors": default_threads(),
         "python": platform.python_version(),
     }
+
+
+def _processor() -> str:
+    """Return the name of the processor."""
+    with suppress(OSError):
+        for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
+            if line.startswith("model name"):
+                return line.partition(":")[2].strip()
+    return platform.processor() or platform.machine()
 
 
 def _versions() -> dict[str, str]:

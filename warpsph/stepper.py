@@ -52,7 +52,7 @@ class Stepper:
         device = launcher.device
         self.clock = wp.array(clock, dtype=wp.float64, device=device)
         self.counters = wp.array(counters, dtype=int, device=device)
-        self.maxima = wp.zeros(3 * launcher.threads, dtype=types_of(spec).real, device=device)
+        self.maxima = wp.zeros(ck.MAXIMA * launcher.threads, dtype=types_of(spec).real, device=device)
         self.faults = wp.full(launcher.threads, ck.NO_PARTICLE, dtype=int, device=device)
         blocks = BLOCKS if spec.volume_constraint else 0
         self.bindings = Bindings(device, values)
@@ -166,7 +166,8 @@ class Stepper:
         else:
             clock, counters = (array.copy() for array in self.read())
             self.rebuild(moving=False)
-            self.write(clock={ck.OFFSET: clock[ck.OFFSET]}, counters={ck.REBUILDS: int(counters[ck.REBUILDS])})
+            kept = {index: clock[index] for index in (ck.OFFSET, ck.CHECK_LASTS)}
+            self.write(clock=kept, counters={ck.REBUILDS: int(counters[ck.REBUILDS])})
 
     def wall_load(self) -> np.ndarray:
         """Return the force of the fluid on each wall particle, (walls, d) [N]."""
@@ -176,10 +177,16 @@ class Stepper:
 
     def maxima_to_clock(self) -> None:
         """Hand speed and acceleration of the start to the clock, which limits the first step with them."""
-        maxima = self.maxima.numpy().reshape(-1, 3).max(axis=0)
+        maxima = self.maxima.numpy().reshape(-1, ck.MAXIMA).max(axis=0)
         velocity = self.particles.get("velocity")[: self.particles.fluid_count]
         speed = float(np.sqrt((velocity.astype(np.float64) ** 2).sum(axis=1).max(initial=0.0)))
-        self.write(clock={ck.SPEED: speed, ck.ACCELERATION: float(np.sqrt(maxima[1]))})
+        self.write(
+            clock={
+                ck.SPEED: speed,
+                ck.ACCELERATION: float(np.sqrt(maxima[1])),
+                ck.SHIFT: float(np.sqrt(maxima[3])),
+            }
+        )
         self.maxima.zero_()
 
     # the loop ------------------------------------------------------------------------------------------------------
@@ -199,13 +206,18 @@ class Stepper:
 
     def _run_cpu(self) -> None:
         _, counters = self.read()
-        if counters[ck.REBUILD]:
-            self.rebuild()
+        self._care_for_list(counters)
         while counters[ck.RUNNING]:
             for task in self.step_tasks:
                 task.timed()
-            if counters[ck.REBUILD]:
-                self.rebuild()
+            self._care_for_list(counters)
+
+    def _care_for_list(self, counters: np.ndarray) -> None:
+        if counters[ck.CHECK]:
+            for task in self.list.check_tasks:
+                task.timed()
+        if counters[ck.REBUILD]:
+            self.rebuild()
 
     def _run_cuda(self) -> None:
         while True:
@@ -224,6 +236,12 @@ class Stepper:
         running = self.counters[ck.RUNNING : ck.RUNNING + 1]
         used_up = self.counters[ck.REBUILD : ck.REBUILD + 1]
 
+        unsure = self.counters[ck.CHECK : ck.CHECK + 1]
+
+        def check() -> None:
+            for task in self.list.check_tasks:
+                task.run()
+
         def rebuild() -> None:
             for task in self.list.tasks:
                 task.run()
@@ -232,9 +250,11 @@ class Stepper:
             for task in self.step_tasks:
                 task.run()
             # last in the step: a list that proves too narrow stops the loop before anything reads it
+            wp.capture_if(unsure, check)
             wp.capture_if(used_up, rebuild)
 
         with wp.ScopedCapture(device=self.launcher.device) as capture:
+            wp.capture_if(unsure, check)
             wp.capture_if(used_up, rebuild)
             wp.capture_while(running, body)
         self._graph = capture.graph

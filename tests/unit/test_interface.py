@@ -1,0 +1,147 @@
+"""Interface geometry on disordered clouds: normals, curvature, and the force of the body-force form (methods A6)."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from tests.helpers import Bench, Fluid, lattice
+from warpsph.kernels.spec import Spec
+
+SPEC = Spec(dimension=2, precision="float64", multiphase=True, tension="pressure_jump", interface=True)
+SPEC_3D = dataclasses.replace(SPEC, dimension=3, periodic=(False,) * 3)
+FLUIDS = (Fluid(density=1.0), Fluid(density=1000.0))
+SPACING = 1.0
+
+
+def drop(radius, dimension=2, jitter=0.2, seed=1, spec=SPEC, **options):
+    """Return (bench, offsets from the centre, distances) of a ball of phase 0 in phase 1, geometry evaluated."""
+    count = int(2 * (radius + 7))
+    x = lattice((count,) * dimension, SPACING, jitter, seed)
+    r = np.linalg.norm(x, axis=1)
+    phase = (r > radius).astype(int)
+    bench = Bench(spec, x, spacing=SPACING, ratio=1.5, phase=phase, fluids=FLUIDS, **options)
+    bench.prepare()
+    return bench, x, r
+
+
+@pytest.fixture(scope="module")
+def circle(device):
+    return drop(20.0, device=device)
+
+
+def test_curvature_of_a_disordered_circle(device):
+    """The mean is within a few per cent of 1/R on either side; positive where the own phase is convex."""
+    means = []
+    for seed in range(4):
+        bench, _, _ = drop(20.0, seed=seed, device=device)
+        curvature, weight = bench.get("curvature"), bench.get("interface_weight")
+        inside, at = bench.get("phase") == 0, weight > 0.05
+        # single particles scatter about it as much as its size at this radius
+        assert (curvature[at & inside] > 0).mean() > 0.8
+        assert (curvature[at & ~inside] < 0).mean() > 0.8
+        outward = np.where(inside, curvature, -curvature)
+        means.append([np.average(outward[at], weights=weight[at]) for at in (weight > 0, inside, ~inside)])
+    both, inner, outer = 20.0 * np.mean(means, axis=0)
+    assert both == pytest.approx(1.0, abs=0.03)
+    assert inner == pytest.approx(1.0, abs=0.12) and outer == pytest.approx(1.0, abs=0.12)
+
+
+def test_curvature_of_a_disordered_sphere(device):
+    bench, _, _ = drop(7.0, dimension=3, jitter=0.15, spec=SPEC_3D, device=device)
+    weight = bench.get("interface_weight")
+    outward = np.where(bench.get("phase") == 0, 1, -1) * bench.get("curvature")
+    assert np.average(outward, weights=weight) == pytest.approx(2 / 7.0, rel=0.05)
+    area = (np.linalg.norm(bench.get("normal"), axis=1) * bench.get("state")[:, 1]).sum()
+    assert area == pytest.approx(4 * np.pi * 49, rel=0.05)
+
+
+def test_smoothing_lowers_the_scatter(circle):
+    bench, _, _ = circle
+    raw, smooth, weight = (bench.get(name) for name in ("band_curvature", "curvature", "interface_weight"))
+    sign = np.where(bench.get("phase") == 0, 1, -1)
+    at = weight > 0.05
+    assert (sign * smooth)[at].std() < 0.7 * (sign * raw)[at].std()
+
+
+def test_normals_add_up_to_the_perimeter(circle):
+    bench, _, _ = circle
+    length = np.linalg.norm(bench.get("normal"), axis=1)
+    assert (length * bench.get("state")[:, 1]).sum() == pytest.approx(2 * np.pi * 20, rel=0.03)
+
+
+def test_normals_point_into_the_own_phase(circle):
+    bench, x, r = circle
+    normal, at = bench.get("normal"), bench.get("interface_weight") > 0.05
+    radial = (normal * x).sum(axis=1) / r / np.maximum(np.linalg.norm(normal, axis=1), 1e-300)
+    inside = bench.get("phase") == 0
+    assert radial[at & inside].max() < -0.8 and radial[at & inside].mean() < -0.97
+    assert radial[at & ~inside].min() > 0.8 and radial[at & ~inside].mean() > 0.97
+
+
+def test_fraction_is_the_share_of_the_own_phase(circle):
+    """One in the bulk, more than one half at the interface for both sides, and equal to the plain sums."""
+    bench, x, r = circle
+    fraction, phase = bench.get("fraction"), bench.get("phase")
+    assert (fraction[np.abs(r - 20) > bench.support + 1e-9] == 1.0).all()
+    assert fraction.min() > 0.45 and fraction.max() <= 1.0
+    assert fraction[np.abs(r - 20) < 0.3].mean() == pytest.approx(0.66, abs=0.05)
+    i = int(np.argmin(np.abs(r - 19.5)))
+    q = np.linalg.norm(x - x[i], axis=1) / bench.h
+    w = np.clip(2 - q, 0, None) ** 4 * (1 + 2 * q)
+    assert fraction[i] == pytest.approx(w[phase == phase[i]].sum() / w.sum(), rel=1e-12)
+
+
+def test_no_interface_in_the_bulk(circle):
+    """Disorder makes no false interface: the lattice alone hides an unnormalised colour."""
+    bench, _, r = circle
+    weight, away = bench.get("interface_weight"), np.abs(r - 20) > 2 * bench.support
+    assert (weight[away] == 0).all() and (bench.get("curvature")[away] == 0).all()
+    assert (bench.get("normal")[away] == 0).all()
+    assert (weight[np.abs(r - 20) < 0.5] > 0).all()
+
+
+def test_a_flat_interface_has_no_curvature(device):
+    x = lattice((30, 30), SPACING, 0.1)
+    bench = Bench(
+        SPEC,
+        x,
+        spacing=SPACING,
+        phase=(x[:, 1] > 0).astype(int),
+        fluids=FLUIDS,
+        device=device,
+    )
+    bench.prepare()
+    middle = (np.abs(x[:, 0]) < 9) & (bench.get("interface_weight") > 0.05)
+    sign = np.where(bench.get("phase") == 0, 1, -1)
+    assert abs((sign * bench.get("curvature"))[middle].mean()) < 0.005
+
+
+def test_three_phases_at_one_point(device):
+    """Sectors of 120 degrees: each particle sees its own phase against the others."""
+    x = lattice((30, 30), SPACING, 0.1)
+    angle = np.arctan2(x[:, 1], x[:, 0])
+    phase = np.floor((angle + np.pi) / (2 * np.pi / 3) - 1e-12).astype(int)
+    bench = Bench(SPEC, x, spacing=SPACING, phase=phase, fluids=(*FLUIDS, Fluid()), device=device)
+    bench.prepare()
+    assert np.isfinite(bench.get("curvature")).all()
+    middle = (phase + 0.5) * 2 * np.pi / 3 - np.pi
+    inward = np.stack([np.cos(middle), np.sin(middle)], axis=1)
+    r = np.linalg.norm(x, axis=1)
+    near = (r > 4) & (r < 11) & (bench.get("interface_weight") > 0.05)
+    assert ((bench.get("normal") * inward).sum(axis=1)[near] > 0).all()
+
+
+def test_body_force_pulls_inward_and_makes_the_jump(device):
+    """F = sigma kappa grad C: across the interface it adds up to sigma / R."""
+    spec = dataclasses.replace(SPEC, tension="body_force")
+    sigma = 0.7
+    bench, x, r = drop(20.0, spec=spec, tension=sigma, device=device)
+    a = bench.acceleration()
+    density = np.where(bench.get("phase") == 0, 1.0, 1000.0)
+    inward = -(a * x).sum(axis=1) / r * density * bench.get("state")[:, 1]
+    ring = np.abs(r - 20) < 2 * bench.support
+    assert inward[ring].sum() / (2 * np.pi * 20) == pytest.approx(sigma / 20, rel=0.05)
+    total = (a * (density * bench.get("state")[:, 1])[:, None])[ring].sum(axis=0)
+    assert np.linalg.norm(total) < 0.02 * inward[ring].sum()
+    assert (a[~ring & (r < 24)] == 0).all()

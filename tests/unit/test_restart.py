@@ -1,0 +1,227 @@
+"""A restart continues bit by bit; a run repeats itself bit by bit, whatever the number of threads."""
+
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.scenes import FULL, PERIODIC, case_of
+from warpsph import Simulation, checkpoint, launch
+from warpsph.errors import CaseError, OutputError
+from warpsph.kernels import clock as ck
+
+SCENES = {"periodic": PERIODIC, "full": FULL}
+
+
+@pytest.fixture(
+    scope="module", params=["periodic-float32", "periodic-float64", "full-float32", "full-float64"]
+)
+def scene(request):
+    name, precision = request.param.split("-")
+    return case_of(SCENES[name], precision=precision)
+
+
+@pytest.fixture(scope="module", params=[1, 2], ids=["1 thread", "2 threads"])
+def threads(request):
+    return request.param
+
+
+@pytest.fixture(scope="module")
+def whole(scene, threads, tmp_path_factory):
+    """Run folder of the run that nothing interrupts."""
+    folder = tmp_path_factory.mktemp("whole")
+    Simulation(scene, output=folder / "run", threads=threads).run()
+    return folder / "run"
+
+
+def checkpoints(run: Path) -> list[Path]:
+    return sorted((run / "checkpoint").glob("*.h5"))
+
+
+def assert_same_files(one: Path, other: Path, parts=("particles", "gauges")) -> None:
+    for part in parts:
+        names = sorted(path.name for path in (one / part).iterdir())
+        assert names == sorted(path.name for path in (other / part).iterdir())
+        for name in names:
+            assert (one / part / name).read_bytes() == (other / part / name).read_bytes(), name
+
+
+def assert_same_state(one: Path, other: Path) -> None:
+    """Two checkpoints hold the same bits: fields, clock and counters."""
+    a, attributes = checkpoint.load(one)
+    b, others = checkpoint.load(other)
+    assert attributes["time"] == others["time"] and attributes["step"] == others["step"]
+    assert a.keys() == b.keys() and len(a) > 10
+    for name in a.keys() - {"clock", "counters"}:
+        assert a[name].tobytes() == b[name].tobytes(), name
+    kept = [
+        ck.TIME,
+        ck.STEP,
+        ck.LAST_STEP,
+        ck.EXCESS_PRESSURE,
+        ck.BOX_VOLUME,
+        ck.SPEED,
+        ck.ACCELERATION,
+        ck.OFFSET,
+    ]
+    np.testing.assert_array_equal(a["clock"][kept], b["clock"][kept])
+    assert [int(a["counters"][k]) for k in (ck.STEPS, ck.REBUILDS, ck.SINCE_CONSTRAINT)] == [
+        int(b["counters"][k]) for k in (ck.STEPS, ck.REBUILDS, ck.SINCE_CONSTRAINT)
+    ]
+
+
+def test_scenes_use_the_list_between_rebuilds(whole):
+    """A restart has something to get wrong: checkpoints fall between two list builds."""
+    summary = json.loads((whole / "summary.json").read_text())
+    assert 2 < summary["list_rebuilds"] < 0.8 * summary["steps"]
+    offsets = [checkpoint.load(path)[0]["clock"][ck.OFFSET] for path in checkpoints(whole)]
+    assert max(offsets) > 0
+
+
+@pytest.mark.parametrize("which", [0, 1])
+def test_continues_in_its_folder_bit_by_bit(scene, threads, whole, tmp_path, which):
+    run = tmp_path / "run"
+    shutil.copytree(whole, run)
+    start = checkpoints(run)[which]
+    simulation = Simulation(scene, output=run, restart=start, threads=threads)
+    assert checkpoints(run)[-1] == start  # later ones belong to the future that is computed again
+    assert simulation.gauge(next(iter(scene.gauges)))["time"][-1] <= simulation.model.time * (1 + 1e-9)
+    simulation.run()
+    assert_same_files(whole, run)
+    assert [path.name for path in checkpoints(whole)] == [path.name for path in checkpoints(run)]
+    for one, other in zip(checkpoints(whole), checkpoints(run), strict=True):
+        assert_same_state(one, other)
+
+
+def test_end_time_beyond_the_old_end(scene, threads, whole, tmp_path):
+    """The shorter run stops at an output of the longer one, and so takes the same steps."""
+    run = tmp_path / "run"
+    Simulation(scene.replace({"end_time": scene.end_time / 2}), output=run, threads=threads).run()
+    short = json.loads((run / "summary.json").read_text())
+    simulation = Simulation(scene, output=run, restart=run, threads=threads).run()
+    assert_same_files(whole, run)
+    assert_same_state(checkpoints(whole)[-1], checkpoints(run)[-1])
+    assert simulation.summary["restarted_from"] == {"time": scene.end_time / 2, "step": short["steps"]}
+    assert simulation.summary["steps"] == json.loads((whole / "summary.json").read_text())["steps"]
+
+
+def test_repeats_itself_whatever_the_threads(scene, whole, tmp_path, monkeypatch):
+    """Also where the parts of the threads are smaller than a run would make them."""
+    monkeypatch.setattr(launch, "SMALLEST_SHARE", 8)
+    for threads in (1, 2, 3):
+        Simulation(scene, output=tmp_path / str(threads), threads=threads).run()
+        assert_same_files(whole, tmp_path / str(threads))
+        for one, other in zip(checkpoints(whole), checkpoints(tmp_path / str(threads)), strict=True):
+            assert_same_state(one, other)
+
+
+# The rest is about files, and needs one scene only.
+
+
+@pytest.fixture(scope="module")
+def drop(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("drop") / "run"
+    Simulation(case_of(FULL), output=folder, threads=1).run()
+    return folder
+
+
+def test_into_a_new_folder(drop, tmp_path):
+    """It starts at the checkpoint, with all that is due there, and leaves the old folder alone."""
+    before = {path: path.stat().st_mtime_ns for path in drop.rglob("*")}
+    start = checkpoints(drop)[1]
+    Simulation(case_of(FULL), output=tmp_path / "new", restart=start, threads=1).run()
+    assert {path: path.stat().st_mtime_ns for path in drop.rglob("*")} == before
+    moment = checkpoint.load(start)[1]["time"]
+    for old in (drop / "gauges").iterdir():
+        heading, *rows = old.read_text().splitlines()
+        late = [row for row in rows if float(row.split(",")[0]) >= moment * (1 - 1e-9)]
+        assert (tmp_path / "new" / "gauges" / old.name).read_text().splitlines() == [heading, *late], old.name
+    frames = sorted((drop / "particles").glob("fluid_*.vtp"))
+    new = sorted((tmp_path / "new" / "particles").glob("fluid_*.vtp"))
+    assert [path.read_bytes() for path in frames[2:]] == [path.read_bytes() for path in new]
+    assert_same_state(checkpoints(drop)[-1], checkpoints(tmp_path / "new")[-1])
+
+
+def test_never_cuts_a_folder_of_another_run(drop, tmp_path):
+    other = tmp_path / "other"
+    Simulation(case_of(FULL, end_time=0.1), output=other, threads=1).run()
+    before = {path: path.stat().st_mtime_ns for path in other.rglob("*")}
+    with pytest.raises(OutputError, match="not empty"):
+        Simulation(case_of(FULL), output=other, restart=checkpoints(drop)[0], threads=1)
+    assert {path: path.stat().st_mtime_ns for path in other.rglob("*")} == before
+
+
+def test_nothing_is_cut_if_the_restart_fails(drop, tmp_path):
+    """A gauge whose columns changed is refused before frames and checkpoints of the future are dropped."""
+    run = tmp_path / "run"
+    shutil.copytree(drop, run)
+    changed = case_of(FULL, gauges__jump={"type": "energy", "interval": 0.02})
+    with pytest.raises(OutputError, match="columns"):
+        Simulation(changed, output=run, restart=checkpoints(run)[0], threads=1)
+    assert [path.name for path in checkpoints(run)] == [path.name for path in checkpoints(drop)]
+    assert_same_files(drop, run, ("particles",))
+    Simulation(case_of(FULL), output=run, restart=checkpoints(run)[0], threads=1)  # the folder is free again
+
+
+def test_in_memory_alone(drop):
+    simulation = Simulation(case_of(FULL), restart=drop, threads=1)
+    np.testing.assert_array_equal(
+        simulation.state.position, Simulation(case_of(FULL), restart=drop).state.position
+    )
+    assert simulation.run().summary["status"] == "finished"
+
+
+def test_of_a_finished_run_changes_nothing(drop, tmp_path):
+    run = tmp_path / "run"
+    shutil.copytree(drop, run)
+    Simulation(case_of(FULL), output=run, restart=run, threads=1).run()
+    assert_same_files(drop, run)
+    assert_same_state(checkpoints(drop)[-1], checkpoints(run)[-1])
+
+
+@pytest.mark.parametrize("shorter", [0.25, 0.01], ids=["behind the end", "before the checkpoint"])
+def test_end_time_before_the_checkpoint(drop, tmp_path, shorter):
+    """Nothing is left to do; the run ends at once."""
+    simulation = Simulation(case_of(FULL, end_time=shorter), restart=drop, threads=1).run()
+    assert simulation.model.time == pytest.approx(0.4)
+
+
+def test_broken_checkpoint_is_skipped_and_said(drop, tmp_path):
+    run = tmp_path / "run"
+    shutil.copytree(drop, run)
+    newest, before = checkpoints(run)[-1], checkpoints(run)[-2]
+    newest.write_bytes(newest.read_bytes()[:5000])
+    simulation = Simulation(case_of(FULL), output=run, restart=run, threads=1)
+    assert simulation.model.time == checkpoint.load(before)[1]["time"]
+    assert any(newest.name in line for line in simulation.warnings)
+    assert newest.name in (run / "log.txt").read_text()
+
+
+def test_changed_numbers_are_fine(drop):
+    """A restart may change what the state does not hang on."""
+    changes = {"end_time": 0.41, "numerics.skin": 0.02, "phases.liquid.viscosity": 0.1, "gravity": [0.1, -1]}
+    Simulation(case_of(FULL).replace(changes), restart=drop, threads=1).run()
+
+
+@pytest.mark.parametrize(
+    ("path", "value"),
+    [
+        ("particle_spacing", 1 / 20),
+        ("precision", "float64"),
+        ("domain.upper", [2, 2]),
+        ("domain.boundary", {"x": "wall", "y": "open"}),
+        ("fluids.0.shape", {"box": {"lower": [0.25, 0.25], "upper": [0.75, 0.6875]}}),
+    ],
+)
+def test_another_scene_is_refused(drop, path, value):
+    with pytest.raises(CaseError) as caught:
+        Simulation(case_of(FULL).replace({path: value}), restart=drop, threads=1)
+    assert caught.value.problems[0].path == path.split(".")[0]
+
+
+def test_folder_without_checkpoint_is_refused(tmp_path):
+    (tmp_path / "checkpoint").mkdir()
+    with pytest.raises(CaseError, match="no readable checkpoint"):
+        Simulation(case_of(FULL), restart=tmp_path, threads=1)

@@ -1,0 +1,136 @@
+"""Viscous pair terms alone, and the viscosity they amount to on a lattice (methods A4)."""
+
+import functools
+import itertools
+import math
+
+import numpy as np
+import pytest
+import warp as wp
+
+from tests.helpers import Bench, Fluid, evaluate, lattice
+from warpsph.kernels.smoothing import KERNELS, make_smoothing
+from warpsph.kernels.spec import Spec, types
+from warpsph.kernels.viscosity import make_viscosity
+
+FORMS = ["morris", "radial", "paper"]
+
+
+@functools.cache
+def kernel_of(form, dimension):
+    vec = types(dimension, "float64").vec
+    term = make_viscosity(form, dimension, "float64")
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def apply(inv_h: wp.float64, v: wp.array(dtype=vec), d: wp.array(dtype=vec), out: wp.array(dtype=vec)):
+        i = wp.tid()
+        out[i] = term(v[i], d[i], wp.dot(d[i], d[i]), inv_h)
+
+    return apply, vec
+
+
+def pair_terms(form, v, d, h=1.0):
+    apply, vec = kernel_of(form, d.shape[1])
+    out = wp.zeros(len(d), dtype=vec, device="cpu")
+    inputs = [1.0 / h, wp.array(v, dtype=vec, device="cpu"), wp.array(d, dtype=vec, device="cpu"), out]
+    wp.launch(apply, dim=len(d), inputs=inputs, device="cpu")
+    return out.numpy()
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_terms(dimension):
+    rng = np.random.default_rng(1)
+    v, d = rng.normal(size=(2, 50, dimension))
+    r2 = (d * d).sum(axis=1, keepdims=True)
+    along = (v * d).sum(axis=1, keepdims=True)
+    h = 0.7
+    np.testing.assert_allclose(pair_terms("morris", v, d, h), 2 * v, rtol=1e-13)
+    np.testing.assert_allclose(pair_terms("radial", v, d, h), 2 * (dimension + 2) * along / r2 * d, rtol=1e-11)
+    # the printed form: K/h mu_i mu_j/(mu_i+mu_j), half the harmonic mean, on both sides of a star pressure (factor 2)
+    expected = 2.5 * (dimension + 2) / h * along / np.sqrt(r2) * d
+    np.testing.assert_allclose(pair_terms("paper", v, d, h), expected, rtol=1e-11)
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_both_directions_and_both_particles(form):
+    """Even in the flow direction (no gating) and equal and opposite on the two particles."""
+    rng = np.random.default_rng(2)
+    v, d = rng.normal(size=(2, 50, 2))
+    term = pair_terms(form, v, d)
+    np.testing.assert_array_equal(pair_terms(form, -v, d), -term)
+    np.testing.assert_array_equal(pair_terms(form, -v, -d), -term)
+
+
+@pytest.mark.parametrize("form", ["radial", "paper"])
+def test_central_forms_ignore_rotation(form):
+    d = np.random.default_rng(4).normal(size=(50, 2))
+    v = 3.0 * np.stack([-d[:, 1], d[:, 0]], axis=1)
+    assert np.abs(pair_terms(form, v, d)).max() < 1e-14
+
+
+def test_unknown_form():
+    with pytest.raises(KeyError):
+        make_viscosity("none_such", 2, "float64")
+
+
+ANGLES = [0, 15, 30, 45]
+MU, RHO = 0.3, 2.0
+# methods, table A4: value at each angle, or (lowest, highest), and the mean over the angles
+TABLE = {
+    ("radial", 1.25): ([0.78, 0.87, 1.06, 1.15], 0.967),
+    ("radial", 1.5): ((0.89, 1.11), 0.997),
+    ("radial", 2.0): ((0.96, 1.04), 0.999),
+    ("morris", 1.25): ([0.967] * 4, 0.967),
+    ("morris", 1.5): ([0.997] * 4, 0.997),
+    ("morris", 2.0): ([0.999] * 4, 0.999),
+    ("paper", 1.25): ([1.13, 1.18, 1.27, 1.32], 1.228),
+    ("paper", 1.5): ((1.21, 1.33), 1.27),
+    ("paper", 2.0): ((1.24, 1.27), 1.25),
+}
+DIGIT = {0.967: 5e-4, 0.997: 5e-4, 0.999: 5e-4, 1.228: 5e-4}
+
+
+def sweep_viscosity(form, ratio, device):
+    """Return viscosity of the momentum sweep over mu, for a parabolic shear flow at angles to a lattice."""
+    spec = Spec(dimension=2, precision="float64", viscosity=form)
+    x = lattice((11, 11), 0.1)
+    fluid = Fluid(density=RHO, viscosity=MU)
+    bench = Bench(spec, x, spacing=0.1, ratio=ratio, fluids=(fluid,), device=device)
+    centre = int(np.argmin((x**2).sum(axis=1)))
+    result = []
+    for degrees in ANGLES:
+        angle = math.radians(degrees)
+        along, across = np.array([math.cos(angle), math.sin(angle)]), np.array([-math.sin(angle), math.cos(angle)])
+        bench.put("velocity", 0.5 * (x @ across)[:, None] ** 2 * along)
+        a = bench.acceleration()[centre]
+        assert abs(a @ across) < 1e-3 * MU / RHO or form != "morris"
+        result.append(a @ along * RHO / MU)
+    return np.array(result)
+
+
+@pytest.mark.parametrize("form, ratio", list(TABLE))
+def test_viscosity_on_a_lattice(form, ratio, device):
+    got = sweep_viscosity(form, ratio, device)
+    expected, mean = TABLE[form, ratio]
+    if isinstance(expected, tuple):
+        low, high = expected
+        assert got.min() == pytest.approx(low, abs=5.01e-3)
+        assert got.max() == pytest.approx(high, abs=5.01e-3)
+    else:
+        for value, printed in zip(got, expected, strict=True):
+            assert value == pytest.approx(printed, abs=1.002 * DIGIT.get(printed, 5e-3))
+    assert got.mean() == pytest.approx(mean, abs=1.002 * DIGIT.get(mean, 5e-3))
+
+
+@pytest.mark.parametrize("form, expected, digit", [("radial", 0.851, 5e-4), ("morris", 0.979, 5e-4), ("paper", 1.31, 5e-3)])
+def test_viscosity_in_three_dimensions(form, expected, digit):
+    """Along the axes of a cubic lattice, h = 1.25 dx: the terms of a quadratic shear summed over the neighbours."""
+    ratio = 1.25
+    sites = np.array([s for s in itertools.product(range(-3, 4), repeat=3) if any(s)], dtype=float)
+    velocity = np.zeros_like(sites)
+    velocity[:, 0] = 0.5 * sites[:, 1] ** 2
+    terms = pair_terms(form, -velocity, -sites, ratio)
+    slope = make_smoothing("wendland_c2", "float64")[1]
+    f = evaluate(slope, "float64", np.linalg.norm(sites, axis=1) / ratio)
+    effective = KERNELS["wendland_c2"].alpha[2] / ratio**5 * (terms[:, 0] * f).sum()
+    assert effective == pytest.approx(expected, abs=1.002 * digit)
