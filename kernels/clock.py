@@ -48,7 +48,8 @@ LIST_PEAK = 8  # longest list so far
 SINCE_CONSTRAINT = 9  # steps since the volume was last checked
 CHECK = 10  # the list has to be checked, see `slack`
 CHECKS = 11
-COUNTERS_SIZE = 12
+CARE = 12  # the list has to be checked or rebuilt
+COUNTERS_SIZE = 13
 
 MAXIMA = 4  # per thread: speed^2, acceleration^2, displacement^2, shift^2
 HORIZON = 32.0  # steps that a check of the list looks ahead
@@ -58,6 +59,7 @@ FAULT_STATE = 1
 FAULT_LIST = 2
 NO_PARTICLE = 2147483647
 CONSTRAINT_INTERVAL = 5
+FOLDS = 64  # groups of partial volume sums
 
 
 @functools.cache
@@ -137,6 +139,7 @@ def make_advance(precision: str) -> Any:
             running = 0
             counters[REBUILD] = 0
             counters[CHECK] = 0
+        counters[CARE] = wp.max(counters[CHECK], counters[REBUILD])
         counters[RUNNING] = running
 
     return advance

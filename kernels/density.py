@@ -76,6 +76,7 @@ def make_continuity(spec: Spec) -> Any:
         flags: wp.array(dtype=wp.uint8),
         phase: wp.array(dtype=wp.int8),
         position: wp.array(dtype=vec),
+        midway: wp.array(dtype=vec),
         velocity: wp.array(dtype=vec),
         state_old: wp.array(dtype=pair),
         rest_volume: wp.array(dtype=real),
@@ -85,7 +86,7 @@ def make_continuity(spec: Spec) -> Any:
         state: wp.array(dtype=pair),
     ):
         i = wp.tid() + first
-        xi = position[i]
+        xi = midway[i]
         vi = velocity[i]
         p_i = state_old[i][0]
         own = phases[0]
@@ -115,7 +116,7 @@ def make_continuity(spec: Spec) -> Any:
                 while k < end:
                     j = neighbours[k]
                     k += step
-                    d = separation(xi, position[j], wrapped, params)
+                    d = separation(xi, midway[j], wrapped, params)
                     r = wp.sqrt(wp.dot(d, d))
                     state_j = state_old[j]
                     f = slope(r * params.inv_h) * state_j[1]
@@ -145,7 +146,7 @@ def make_continuity(spec: Spec) -> Any:
         while k < end:
             j = neighbours[k]
             k += step
-            d = separation(xi, position[j], wrapped, params)
+            d = separation(xi, midway[j], wrapped, params)
             r = wp.sqrt(wp.dot(d, d))
             state_j = state_old[j]
             f = slope(r * params.inv_h) * state_j[1]

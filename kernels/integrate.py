@@ -39,12 +39,14 @@ def make_kick_drift(spec: Spec) -> Any:
         velocity: wp.array(dtype=vec),
         offset: wp.array(dtype=vec),
         position: wp.array(dtype=vec),
+        midway: wp.array(dtype=vec),
         state_old: wp.array(dtype=pair),
         maxima: wp.array(dtype=real),
         faults: wp.array(dtype=int),
     ):
         i = wp.tid() + first
         v = velocity[i] + acceleration[i] * real(wp.float64(0.5) * (clock[STEP] + clock[LAST_STEP]))
+        v_step = v
         way = offset[i] + v * real(clock[STEP])
         if wp.static(spec.shifting):
             way += shift[i]
@@ -52,6 +54,9 @@ def make_kick_drift(spec: Spec) -> Any:
         velocity[i] = v
         offset[i] = way
         position[i] = anchor[i] + way
+        # density follows from the velocity in the middle of the step at the positions in the middle of the step: taken at
+        # its end, the sweep would see a source of (dt/2) grad v : grad v
+        midway[i] = anchor[i] + (way - v_step * real(wp.float64(0.5) * clock[STEP]))
         state_old[i] = state[i]
         if wp.static(spec.volume_constraint):
             own = int(0)

@@ -9,14 +9,17 @@ from typing import Any
 
 import warp as wp
 
-from .clock import BOX_VOLUME, CONSTRAINT_INTERVAL, EXCESS_PRESSURE, SINCE_CONSTRAINT
+from .clock import BOX_VOLUME, CONSTRAINT_INTERVAL, EXCESS_PRESSURE, FOLDS, SINCE_CONSTRAINT
 from .params import make_phase
 from .spec import Spec, types_of
 
 
 @functools.cache
-def make_volume(spec: Spec) -> tuple[Any, Any]:
-    """Return the kernels (sum_volume over blocks, close_volume on one thread); sums in a fixed order, float64."""
+def make_volume(spec: Spec) -> tuple[Any, Any, Any]:
+    """Return the kernels (sum_volume over blocks, fold_volume over FOLDS, close_volume on one thread).
+
+    Float64 sums in a fixed order: the result does not depend on how many threads work on it.
+    """
     _, _, _, pair = types_of(spec)
     Phase = make_phase(spec.precision)
 
@@ -56,20 +59,37 @@ def make_volume(spec: Spec) -> tuple[Any, Any]:
         volume_sums[block] = wp.vec2d(volume, softness)
 
     @wp.kernel(module="unique", enable_backward=False)
-    def close_volume(
+    def fold_volume(
+        first: int,
         block_count: int,
-        clock: wp.array(dtype=wp.float64),
         counters: wp.array(dtype=int),
         volume_sums: wp.array(dtype=wp.vec2d),
+        volume_folds: wp.array(dtype=wp.vec2d),
+    ):
+        fold = wp.tid() + first
+        if counters[SINCE_CONSTRAINT] + 1 < CONSTRAINT_INTERVAL:
+            return
+        total = wp.vec2d()
+        k = fold
+        while k < block_count:
+            total += volume_sums[k]
+            k += FOLDS
+        volume_folds[fold] = total
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def close_volume(
+        clock: wp.array(dtype=wp.float64),
+        counters: wp.array(dtype=int),
+        volume_folds: wp.array(dtype=wp.vec2d),
     ):
         since = counters[SINCE_CONSTRAINT] + 1
         clock[EXCESS_PRESSURE] = wp.float64(0.0)
         if since >= CONSTRAINT_INTERVAL:
             since = 0
             total = wp.vec2d()
-            for block in range(block_count):
-                total += volume_sums[block]
+            for fold in range(FOLDS):
+                total += volume_folds[fold]
             clock[EXCESS_PRESSURE] = (total[0] - clock[BOX_VOLUME]) / total[1]
         counters[SINCE_CONSTRAINT] = since
 
-    return sum_volume, close_volume
+    return sum_volume, fold_volume, close_volume

@@ -168,7 +168,7 @@ def measure(name: str, device: str, threads: int, precision: str, seconds: float
     times = []
     for task in [*stepper.step_tasks, *stepper.list.tasks, *stepper.list.check_tasks]:
         task.seconds = 0.0
-    rebuilds = int(stepper.read()[1][ck.REBUILDS])
+    before = stepper.read()[1].copy()
     for _ in range(5):
         begin = time.perf_counter()
         stepper.run(1.0e3, portion)
@@ -177,7 +177,8 @@ def measure(name: str, device: str, threads: int, precision: str, seconds: float
     _, counters = stepper.read()
     if counters[ck.FAULT]:
         raise RuntimeError(f"{name}: the run diverged")
-    rebuilds = int(counters[ck.REBUILDS]) - rebuilds
+    rebuilds = int(counters[ck.REBUILDS] - before[ck.REBUILDS])
+    checks = int(counters[ck.CHECKS] - before[ck.CHECKS])
     n = model.particles.count
     nf = model.particles.fluid_count
     listed = model.particles.get("fluid_neighbours")[:nf].astype(float).mean()
@@ -188,7 +189,7 @@ def measure(name: str, device: str, threads: int, precision: str, seconds: float
     floor = nf * 2 * (4 * listed + size * (2 * model.physics.spec.dimension + 2)) / bandwidth
     shares: dict[str, float] = {}
     if not model.launcher.is_cpu:
-        profile_cuda(model)
+        profile_cuda(model, rebuilds / (5 * portion), checks / (5 * portion))
     tasks = stepper.step_tasks
     total = sum(task.seconds for task in [*tasks, *stepper.list.tasks, *stepper.list.check_tasks]) or 1.0
     for task in tasks:
@@ -204,19 +205,19 @@ def measure(name: str, device: str, threads: int, precision: str, seconds: float
     }  # fmt: skip
 
 
-def profile_cuda(model: Any) -> None:
-    """Time each task of a few steps and of one rebuild on its own (outside the captured graph)."""
+def profile_cuda(model: Any, rebuilds: float, checks: float) -> None:
+    """Time each task alone, outside the captured graph; `rebuilds` and `checks` are how often a step needs one."""
     import warp as wp
 
     stepper = model.stepper
-    for tasks, repeats in ((stepper.step_tasks, 10), (stepper.list.tasks, 3)):
-        for _ in range(repeats):
+    for tasks, weight in ((stepper.step_tasks, 1.0), (stepper.list.check_tasks, checks), (stepper.list.tasks, rebuilds)):
+        for _ in range(5):
             for task in tasks:
                 wp.synchronize_device(model.device)
                 begin = time.perf_counter()
                 task.run()
                 wp.synchronize_device(model.device)
-                task.seconds += (time.perf_counter() - begin) / repeats
+                task.seconds += (time.perf_counter() - begin) * weight / 5
 
 
 def main() -> None:

@@ -34,7 +34,7 @@ class Fluid:
 
 
 def lattice(counts, spacing, jitter=0.0, seed=1, centre=True):
-    """Return a lattice of cell centres, (n, d), about the origin or from it, displaced by up to jitter * spacing."""
+    """Return the cell centres of a lattice, (n, d), about the origin or from it, moved by jitter * spacing."""
     axes = [(np.arange(n) + 0.5) * spacing for n in counts]
     x = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(counts))
     if centre:
@@ -46,7 +46,9 @@ def evaluate(function, precision, *columns, device="cpu"):
     """Return a `wp.func` of reals, evaluated for each row of equally long columns, as float64 (n,)."""
     real = {"float32": wp.float32, "float64": wp.float64}[precision]
     count = len(columns)
-    table = wp.array(np.stack([np.asarray(c, dtype=float) for c in columns], axis=1), dtype=real, device=device)
+    table = wp.array(
+        np.stack([np.asarray(c, dtype=float) for c in columns], axis=1), dtype=real, device=device
+    )
     out = wp.zeros(table.shape[0], dtype=real, device=device)
 
     if count == 1:
@@ -144,9 +146,13 @@ class Setup:
         every = np.concatenate([position, walls])
         self.lower = np.min(every, axis=0) if lower is None else full(lower, d)
         self.upper = np.max(every, axis=0) if upper is None else full(upper, d)
-        self.box = [float(u - low) if p else 0.0 for low, u, p in zip(self.lower, self.upper, spec.periodic, strict=True)]
+        self.box = [
+            float(u - low) if p else 0.0
+            for low, u, p in zip(self.lower, self.upper, spec.periodic, strict=True)
+        ]
         self.h = ratio * spacing
         self.support = self.h * KERNELS[spec.kernel].support
+        self.half_skin = 0.5 * skin * self.support
         self.particles = Particles(spec, nf, nw, self.device)
         put = self.particles.put
         put("anchor", every)
@@ -219,8 +225,9 @@ class Setup:
         clock[ck.COURANT] = 0.5 * self.h
         clock[ck.SOUND] = max(fluid.sound_speed for fluid in fluids)
         clock[ck.FORCE] = 0.25 * math.sqrt(self.h)
-        clock[ck.SHIFT_REACH] = shift_cap * self.h if spec.shifting else 0.0
-        clock[ck.HALF_SKIN] = 0.5 * skin * self.support
+        clock[ck.SKIN] = skin * self.support
+        clock[ck.FARTHEST] = 0.25 * (1.0 + skin) * self.support
+        clock[ck.CHECK_LASTS] = -1.0
         clock[ck.BOX_VOLUME] = float(volume.sum())
         clock[ck.RUNAWAY] = 10.0 * clock[ck.SOUND]
         self.clock = clock
@@ -257,7 +264,7 @@ class Bench(Setup):
         self.bindings.update(
             clock=self.clock_array,
             counters=self.counters_array,
-            maxima=wp.zeros(3, dtype=types_of(self.spec).real, device=device),
+            maxima=wp.zeros(ck.MAXIMA, dtype=types_of(self.spec).real, device=device),
             faults=wp.full(1, ck.NO_PARTICLE, dtype=int, device=device),
             particle_count=self.particles.count,
             fluid_count=self.particles.fluid_count,
@@ -312,7 +319,7 @@ class Bench(Setup):
         self.put("state", state)
 
     def neighbours(self):
-        """Return (ids of the neighbours of each particle: fluid, ids: wall), two lists in the order of the ids."""
+        """Return the ids of each particle's (fluid neighbours, wall neighbours), in the order of the ids."""
         ids = self.particles.get("particle_id")
         n, width = self.particles.count, self.list.width
         table = self.list.neighbours.numpy()
@@ -348,7 +355,9 @@ class Bench(Setup):
     def acceleration(self, dt=1.0):
         """Run the momentum sweep; return the acceleration, (fluid, d) [m/s^2]."""
         self.set_clock(STEP=dt)
-        self.launcher.task("momentum", make_momentum(self.spec), self.particles.fluid_count, self.bindings).run()
+        self.launcher.task(
+            "momentum", make_momentum(self.spec), self.particles.fluid_count, self.bindings
+        ).run()
         return self.get("acceleration")
 
     def density_rate(self):
@@ -356,8 +365,12 @@ class Bench(Setup):
         before = {name: self.particles.get(name) for name in ("density_excess", "state")}
         excess = self.get("density_excess")
         self.particles.put("state_old", before["state"][: self.particles.fluid_count])
+        # the sweep of a step is centred: here nothing moves, so its middle is where the particles are
+        self.particles.put("midway", self.particles.get("position")[: self.particles.fluid_count])
         self.set_clock(STEP=1.0)
-        task = self.launcher.task("continuity", make_continuity(self.spec), self.particles.fluid_count, self.bindings)
+        task = self.launcher.task(
+            "continuity", make_continuity(self.spec), self.particles.fluid_count, self.bindings
+        )
         task.run()
         rate = (self.get("density_excess") - excess) / (1.0 + excess)
         for name, values in before.items():

@@ -18,8 +18,8 @@ PERIODIC: dict[str, Any] = {
         "noise": 0.1,
         "velocity": ["-cos(2*pi*x)*sin(2*pi*y)", "sin(2*pi*x)*cos(2*pi*y)"],
     },
-    "numerics": {"skin": 0.25},
-    "output": {"particles": {"interval": 0.05}, "checkpoint": {"interval": 0.05, "keep": 10}},
+    "numerics": {"skin": 0.3},
+    "output": {"particles": {"interval": 0.05}, "checkpoint": {"interval": 0.02, "keep": 20}},
     "gauges": {
         "energy": {"type": "energy", "interval": 0.02},
         "probe": {
@@ -36,17 +36,17 @@ LEAN: dict[str, Any] = {
     **PERIODIC,
     "title": "lean",
     "phases": {"water": {"density": 1.0}},
-    "numerics": {"skin": 0.25, "pressure_gradient": "conservative"},
+    "numerics": {"skin": 0.3, "pressure_gradient": "conservative"},
 }
 
-# A drop in a shaken box: two phases, tension, walls, gravity, viscosity, corrected gradient, shift, constraint.
+# A drop in a box: two phases, tension, walls, gravity, viscosity, corrected gradient, shift.
 FULL: dict[str, Any] = {
     "title": "drop in a box",
     "dimension": 2,
     "particle_spacing": 1 / 16,
     "end_time": 0.4,
     "domain": {"lower": [0, 0], "upper": [1, 1], "boundary": {"x": "wall", "y": "wall"}},
-    "gravity": [0, -1],
+    "gravity": [0, -0.1],
     "phases": {
         "gas": {"density": 1.0, "viscosity": 0.005, "gamma": 1.4},
         "liquid": {"density": 100, "viscosity": 0.05},
@@ -62,7 +62,7 @@ FULL: dict[str, Any] = {
             "interval": 0.1,
             "fields": ["velocity", "pressure", "density", "phase", "normal", "curvature"],
         },
-        "checkpoint": {"interval": 0.1, "keep": 10},
+        "checkpoint": {"interval": 0.05, "keep": 20},
     },
     "gauges": {
         "jump": {"type": "phase_pressure", "interval": 0.02},
@@ -74,7 +74,7 @@ FULL: dict[str, Any] = {
 
 
 def case_of(scene: dict[str, Any], **changes: Any) -> Case:
-    """Return the case of a scene; changes by dotted path, with two underscores for a dot (`numerics__skin=0.1`)."""
+    """Return the case of a scene, changed by dotted path, with __ for the dot: `numerics__skin=0.1`."""
     case = Case.from_dict(copy.deepcopy(scene))
     return (
         case.replace({path.replace("__", "."): value for path, value in changes.items()}) if changes else case

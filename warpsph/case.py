@@ -790,7 +790,7 @@ class ReferenceValue(_Reference):
     column: StrictStr = Field(
         description="column of the gauge, or arithmetic of columns", examples=["kinetic"]
     )
-    reduce: Annotated[Literal["mean", "max", "min", "final", "rms"], ChoiceRule()] = Field(
+    reduce: Annotated[Literal["mean", "max", "min", "final", "rms", "period"], ChoiceRule()] = Field(
         default="mean", description="how the column becomes one number", examples=["mean"]
     )
     window: (

@@ -239,8 +239,11 @@ def _value(spec: Any, source: _Source) -> dict[str, Any]:
         inside = (times >= start * (1 - 1e-9)) & (times <= end * (1 + 1e-9))
         if not inside.any():
             raise _NotComparable(f"the gauge {spec.gauge!r} has no row from {start:g} to {end:g} s")
-        values = values[inside]
-    value = REDUCTIONS[spec.reduce](values)
+        times, values = times[inside], values[inside]
+    if spec.reduce == "period":
+        value, unit = period(times, values), "s"
+    else:
+        value = REDUCTIONS[spec.reduce](values)
     reference = float(spec.value)
     result = {"value": value, "reference": reference, "unit": unit}
     if reference == 0.0:
@@ -255,6 +258,19 @@ REDUCTIONS: dict[str, Callable[[np.ndarray], float]] = {
     "final": lambda values: float(values[-1]),
     "rms": lambda values: float(np.sqrt(np.mean(values**2))),
 }
+
+
+def period(times: np.ndarray, values: np.ndarray) -> float:
+    """Mean time [s] between upward crossings of the mean value, each interpolated between two rows.
+
+    Raises _NotComparable for fewer than two crossings.
+    """
+    level = values - values.mean()
+    up = np.flatnonzero((level[:-1] < 0) & (level[1:] >= 0))
+    if len(up) < 2:
+        raise _NotComparable("fewer than two periods in the window")
+    crossings = times[up] - level[up] * (times[up + 1] - times[up]) / (level[up + 1] - level[up])
+    return float(np.mean(np.diff(crossings)))
 
 
 def _curve(spec: Any, source: _Source) -> dict[str, Any]:

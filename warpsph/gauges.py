@@ -3,7 +3,7 @@
 | type | columns | needs |
 |---|---|---|
 | energy | kinetic, potential, elastic, total, and `kinetic gas`, `total gas` ... for each phase | particles |
-| momentum | momentum_x ..., angular_z (3-D: x, y, z), scale | particles |
+| momentum | momentum_x ..., angular_z (3-D: x, y, z), scale, max_speed | particles |
 | phase_pressure | the name of each phase, `gas - liquid` ..., max, min | particles |
 | extents | `lowest_x gas`, `highest_x gas`, `centroid_x gas` ..., `front gas`, `area gas` ... | particles |
 | interface_length | interface_length | extra |
@@ -165,7 +165,7 @@ def _eos_of_case(case: Any) -> dict[str, PhaseEos] | None:
 class MomentumGauge(Gauge):
     """Linear and angular momentum of the fluid, the latter about the origin.
 
-    `scale` is the sum of m |v|, to which a drift of the momentum can be compared.
+    `scale` is the sum of m |v|, to which a drift of the momentum can be compared; `max_speed` is the largest |v|.
     """
 
     @property
@@ -176,19 +176,22 @@ class MomentumGauge(Gauge):
             *(Column(f"momentum_{axis}", linear) for axis in self.axes),
             *(Column(f"angular_{axis}", angular) for axis in spins),
             Column("scale", linear),
+            Column("max_speed", "m/s"),
         ]
 
     def row(self, snapshot: Snapshot) -> list[float]:
         fluid = snapshot.phase >= 0
         mass = np.asarray(snapshot.mass[fluid], np.float64)
-        momentum = mass[:, None] * np.asarray(snapshot.velocity[fluid], np.float64)
+        velocity = np.asarray(snapshot.velocity[fluid], np.float64)
+        momentum = mass[:, None] * velocity
         position = snapshot.position[fluid]
         if self.dimension == 3:
             angular = np.cross(position, momentum).sum(axis=0)
         else:
             angular = np.array([position[:, 0] @ momentum[:, 1] - position[:, 1] @ momentum[:, 0]])
         scale = np.sqrt(np.einsum("ij,ij->i", momentum, momentum)).sum()
-        return [*momentum.sum(axis=0), *angular, scale]
+        fastest = math.sqrt(np.einsum("ij,ij->i", velocity, velocity).max(initial=0.0))
+        return [*momentum.sum(axis=0), *angular, scale, fastest]
 
 
 class PhasePressureGauge(Gauge):

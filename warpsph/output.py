@@ -479,6 +479,10 @@ class RunFolder:
         """Before continuing from a checkpoint of `time` [s]: drop the frames that were written later."""
         for series in self.series.values():
             series.cut_after(time)
+        walls = self.series["wall"].frames
+        if walls:
+            with suppress(OutputError):  # without it the walls are written once more
+                self._last_walls = read_vtp(self.particles / walls[-1][1]).position
 
     def log(self, text: str) -> None:
         """Append a line to log.txt; callable from any thread. Raises OutputError."""
@@ -501,13 +505,13 @@ class RunFolder:
         self.series["fluid"].add(
             snapshot.time, lambda path: write_vtp(path, fluid, self.fields, self.precision)
         )
-        if len(wall) and not (
-            self._last_walls is not None and np.array_equal(self._last_walls, wall.position)
-        ):
+        # as in the file, so that it can be compared with what a run before a restart has written
+        position = _three_components(wall.position, "<f4" if self.precision == "float32" else "<f8")
+        if len(wall) and not (self._last_walls is not None and np.array_equal(self._last_walls, position)):
             self.series["wall"].add(
                 snapshot.time, lambda path: write_vtp(path, wall, self.fields, self.precision)
             )
-            self._last_walls = wall.position
+            self._last_walls = position
 
     def write_failed_state(self, snapshot: Snapshot) -> Path:
         """Write the fluid of a run that went wrong, for a look, outside of the series; returns its path."""

@@ -112,6 +112,7 @@ class Simulation:
         self.warnings: list[str] = []
         self.folder: RunFolder | None = None
         self._restart: Path | None = None
+        self._gauges: GaugeSet = GaugeSet(case)  # becomes that of the folder
         state: dict[str, np.ndarray] | None = None
         attributes: dict[str, Any] = {}
         if restart is not None:
@@ -138,13 +139,14 @@ class Simulation:
             self._gauges = self._make_gauges(resume)
             if self.folder is not None and resume:
                 self.folder.cut_after(self.started_at)
+                (self.folder.particles / "failed_fluid.vtp").unlink(missing_ok=True)
                 checkpoint.delete_after(self.folder.checkpoints, self.first_step)
             self._log_start()
         except BaseException as error:
             if self.folder is not None:
                 with suppress(OutputError):
                     self.folder.log(f"failed: {error}")
-                self.folder.close()
+            self.close()
             raise
         # when to take a snapshot; the gauges' own schedules move on when the writer thread has done the rows
         self._moments = {name: _schedule(spec) for name, spec in case.gauges.items()}
@@ -211,6 +213,12 @@ class Simulation:
     def state(self) -> Snapshot:
         """A host copy of the present state."""
         return self.model.snapshot()
+
+    def close(self) -> None:
+        """Give up the output folder of a run that is not going to be run; `run` does it at its end."""
+        self._gauges.close()
+        if self.folder is not None:
+            self.folder.close()
 
     # the run ------------------------------------------------------------------------------------------------
 
@@ -458,11 +466,10 @@ class Simulation:
         if writer is not None:
             with suppress(WarpsphError):  # after a failure; a finished run has waited for the writer already
                 writer.flush()
-        self._gauges.close()
-        self.summary = self._summarise(status, failure, time.perf_counter() - begin, writer)
-        if self.folder is None:
-            return
         try:
+            self.summary = self._summarise(status, failure, time.perf_counter() - begin, writer)
+            if self.folder is None:
+                return
             seconds = self.summary["wall_seconds"]
             self.folder.log(
                 f"{status}: t = {self.model.time:.6g} s, {self.model.steps} steps, {seconds:.2f} s"
@@ -476,7 +483,7 @@ class Simulation:
             if failure is None:
                 raise
         finally:
-            self.folder.close()
+            self.close()
 
     def _summarise(
         self, status: str, failure: BaseException | None, seconds: float, writer: Writer | None

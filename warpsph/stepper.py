@@ -20,7 +20,8 @@ from warpsph.particles import Particles
 from warpsph.schemes import riemann
 from warpsph.schemes.stage import Stage
 
-BLOCKS = 512  # partial sums of a reduction
+# partial sums of a reduction: enough to fill a GPU, few enough to add up on one core
+BLOCKS = {True: 512, False: 16384}
 
 
 class Stepper:
@@ -54,7 +55,7 @@ class Stepper:
         self.counters = wp.array(counters, dtype=int, device=device)
         self.maxima = wp.zeros(ck.MAXIMA * launcher.threads, dtype=types_of(spec).real, device=device)
         self.faults = wp.full(launcher.threads, ck.NO_PARTICLE, dtype=int, device=device)
-        blocks = BLOCKS if spec.volume_constraint else 0
+        blocks = BLOCKS[launcher.is_cpu] if spec.volume_constraint else 0
         self.bindings = Bindings(device, values)
         self.bindings.update(particles.arrays)
         self.bindings.update(
@@ -66,6 +67,7 @@ class Stepper:
             fluid_count=particles.fluid_count,
             block_count=blocks,
             volume_sums=wp.zeros(blocks, dtype=wp.vec2d, device=device),
+            volume_folds=wp.zeros(ck.FOLDS if blocks else 0, dtype=wp.vec2d, device=device),
             advancing=1,
         )
         self.list = NeighbourList(particles, launcher, self.bindings, **neighbour_list)
@@ -100,6 +102,7 @@ class Stepper:
             "wall": (particles.wall_count, 0),
             "band": (particles.fluid_count, 0),
             "blocks": (self.bindings["block_count"], 0),
+            "folds": (ck.FOLDS, 0),
             "one": (1, 0),
         }[stage.rows]
         single = stage.rows == "one"
@@ -233,10 +236,10 @@ class Stepper:
             self.restart_clock.run()
 
     def _capture(self) -> None:
-        running = self.counters[ck.RUNNING : ck.RUNNING + 1]
-        used_up = self.counters[ck.REBUILD : ck.REBUILD + 1]
+        def flag(index: int) -> Any:
+            return self.counters[index : index + 1]
 
-        unsure = self.counters[ck.CHECK : ck.CHECK + 1]
+        running, care, unsure, used_up = flag(ck.RUNNING), flag(ck.CARE), flag(ck.CHECK), flag(ck.REBUILD)
 
         def check() -> None:
             for task in self.list.check_tasks:
@@ -246,16 +249,19 @@ class Stepper:
             for task in self.list.tasks:
                 task.run()
 
-        def body() -> None:
-            for task in self.step_tasks:
-                task.run()
-            # last in the step: a list that proves too narrow stops the loop before anything reads it
+        def care_for_list() -> None:
             wp.capture_if(unsure, check)
             wp.capture_if(used_up, rebuild)
 
+        def body() -> None:
+            for task in self.step_tasks:
+                task.run()
+            # last in the step: a list that proves too narrow stops the loop before anything reads it; one condition where
+            # nothing is to be done, because each costs some microseconds
+            wp.capture_if(care, care_for_list)
+
         with wp.ScopedCapture(device=self.launcher.device) as capture:
-            wp.capture_if(unsure, check)
-            wp.capture_if(used_up, rebuild)
+            wp.capture_if(care, care_for_list)
             wp.capture_while(running, body)
         self._graph = capture.graph
         self.graph_builds += 1

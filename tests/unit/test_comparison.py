@@ -422,3 +422,11 @@ def test_text_of_the_results(run):
     assert lines[1].startswith("rest: 2 J/m, reference 0 J/m, error 2 J/m (allowed 3 J/m); absolute error")
     assert lines[2] == "late: not reached: needs t = 1 s, the run ended at 0.5 s"
     assert compare(make_case({})) == []
+
+
+def test_period_is_the_time_between_upward_crossings():
+    from warpsph.comparison import period
+
+    times = np.linspace(0.0, 10.0, 401)
+    values = 3.0 + np.exp(-0.05 * times) * np.cos(2.0 * np.pi * times / 2.5)
+    assert period(times, values) == pytest.approx(2.5, rel=5e-3)

@@ -61,10 +61,20 @@ def test_pressure_grows_with_density(gamma):
 def test_state_adds_background_and_volume(device):
     """Each phase has its own background pressure; the volume follows from the density."""
     s = np.array([0.0, 0.0, 0.01, -0.02])
-    fluids = (Fluid(density=1.0, gamma=1.4, background=5.0), Fluid(density=1000.0, gamma=7.0, background=-3.0))
+    fluids = (
+        Fluid(density=1.0, gamma=1.4, background=5.0),
+        Fluid(density=1000.0, gamma=7.0, background=-3.0),
+    )
     spec = Spec(dimension=2, precision="float64", multiphase=True)
     bench = Bench(
-        spec, np.eye(4, 2) * 9, spacing=1.0, phase=[0, 1, 0, 1], fluids=fluids, excess=s, volume=2.0, device=device
+        spec,
+        np.eye(4, 2) * 9,
+        spacing=1.0,
+        phase=[0, 1, 0, 1],
+        fluids=fluids,
+        excess=s,
+        volume=2.0,
+        device=device,
     )
     bench.run(riemann.state(spec))
     state = bench.get("state")

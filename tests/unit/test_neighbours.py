@@ -48,7 +48,7 @@ def cloud(count, size, seed=1):
 
 def make(position, periodic, size, *, ratio=1.5, precision="float64", spacing=0.1, **options):
     spec = Spec(dimension=len(size), precision=precision, periodic=periodic)
-    options.setdefault("width", 200)
+    options.setdefault("width", 260)
     return Bench(spec, position, spacing=spacing, ratio=ratio, lower=0.0, upper=np.asarray(size), **options)
 
 
@@ -85,8 +85,8 @@ def test_list_by_columns(periodic, device):
 @pytest.mark.parametrize("periodic", [(True, True), (True, True, True)])
 @pytest.mark.parametrize("room", [1.001, 1.13, 1.26])
 def test_smallest_periodic_boxes(periodic, room, device):
-    """From twice the support: fewer than five cells an axis, below twice the list radius (room 1.12) even both
-    images of a particle lie within it."""
+    """From twice the support: fewer than five cells an axis; below room 1.12 two images of a particle may lie
+    within the list radius."""
     ratio, spacing = 1.5, 0.1
     support = 2 * ratio * spacing
     size = [2 * support * room] * len(periodic)
@@ -141,7 +141,7 @@ def test_largest_drift_loses_no_pair(periodic, precision, device):
     x = cloud(500, size).astype(precision).astype(float)
     bench = make(x, periodic, size, ratio=ratio, precision=precision, device=device)
     way = np.random.default_rng(9).normal(size=x.shape)
-    way *= bench.list.half_skin / np.linalg.norm(way, axis=1, keepdims=True)
+    way *= bench.half_skin / np.linalg.norm(way, axis=1, keepdims=True)
     pairs = pairs_of(bench.neighbours()[0])
     assert brute_force_pairs(x + way, bench.box, bench.support * (1 - MARGIN)) <= pairs
     # and head on: the two of a pair outside the list cannot come within the support
@@ -149,19 +149,22 @@ def test_largest_drift_loses_no_pair(periodic, precision, device):
     assert outside
     i, j = np.array(sorted(outside)).T
     distance = np.linalg.norm(nearest_image(x[i] - x[j], bench.box), axis=1)
-    assert distance.min() - 2 * bench.list.half_skin >= bench.support * (1 - MARGIN)
+    assert distance.min() - 2 * bench.half_skin >= bench.support * (1 - MARGIN)
 
 
 @pytest.mark.parametrize("periodic", [(True, False), (True, True)])
 def test_pairs_that_wrap_are_flagged(periodic, device):
-    """Also after the largest drift: a pair whose nearest image lies across the boundary belongs to flagged particles."""
+    """A particle is flagged if the nearest image of a neighbour lies across the boundary."""
     size = (1.6, 1.4)
     x = cloud(500, size)
     bench = make(x, periodic, size, device=device)
     flagged = (bench.get("flags").astype(int) & WRAPPED) != 0
     lists = bench.neighbours()[0]
     expected = [
-        any((np.abs(x[i] - x[j])[list(periodic)] > 0.5 * np.array(size)[list(periodic)]).any() for j in lists[i])
+        any(
+            (np.abs(x[i] - x[j])[list(periodic)] > 0.5 * np.array(size)[list(periodic)]).any()
+            for j in lists[i]
+        )
         for i in range(len(x))
     ]
     np.testing.assert_array_equal(flagged, expected)
@@ -189,17 +192,21 @@ def test_walls_across_a_periodic_boundary(device):
     bench = Bench(spec, fluid, walls=walls, spacing=0.1, lower=(0, -0.3), upper=(1.0, 0.6), device=device)
     fluid_lists, wall_lists = bench.neighbours()
     expected = brute_force_pairs(np.concatenate([fluid, walls]), bench.box, bench.list.list_radius)
-    assert pairs_of(fluid_lists) | pairs_of(wall_lists) == {(i, j) for i, j in expected if min(i, j) < len(fluid)}
+    assert pairs_of(fluid_lists) | pairs_of(wall_lists) == {
+        (i, j) for i, j in expected if min(i, j) < len(fluid)
+    }
     flagged = (bench.get("flags").astype(int) & WRAPPED) != 0
     assert flagged[len(fluid) :].any() and not flagged[len(fluid) :].all()
 
 
 def test_interface_flags_and_band(device):
-    """NEAR: another phase in the list. BAND: a NEAR particle in the list. The band is in order and complete."""
+    """NEAR: another phase in the list. BAND: a NEAR particle in the list. The band is complete."""
     x = cloud(500, (2.0, 2.0))
     phase = (np.hypot(*(x - 0.9).T) > 0.6).astype(int)
     spec = Spec(dimension=2, precision="float64", multiphase=True, tension="pressure_jump", interface=True)
-    bench = Bench(spec, x, spacing=0.1, ratio=1.0, phase=phase, fluids=(Fluid(), Fluid()), width=200, device=device)
+    bench = Bench(
+        spec, x, spacing=0.1, ratio=1.0, phase=phase, fluids=(Fluid(), Fluid()), width=200, device=device
+    )
     lists = bench.neighbours()[0]
     flags = bench.get("flags").astype(int)
     near = np.array([any(phase[j] != phase[i] for j in lists[i]) for i in range(len(x))])
@@ -207,10 +214,11 @@ def test_interface_flags_and_band(device):
     band = np.array([near[i] or any(near[j] for j in lists[i]) for i in range(len(x))])
     np.testing.assert_array_equal((flags & BAND) != 0, band)
     assert 0 < near.sum() < band.sum() < len(x)
-    count = bench.counter(ck.BAND_COUNT)
-    members = bench.particles.get("band")[:count]
-    assert (np.diff(members) > 0).all()
-    assert set(bench.particles.get("particle_id")[members]) == set(np.flatnonzero(band))
+    if bench.spec.row_list:
+        count = bench.counter(ck.BAND_COUNT)
+        members = bench.particles.get("band")[:count]
+        assert (np.diff(members) > 0).all()
+        assert set(bench.particles.get("particle_id")[members]) == set(np.flatnonzero(band))
 
 
 @pytest.mark.parametrize("precision", ["float32", "float64"])
@@ -244,7 +252,10 @@ def test_list_is_sorted_by_cell(device):
     """Neighbours in the list are close in memory: cells are in rows, particles in cells."""
     x = cloud(600, (2.0, 2.0))
     bench = make(x, (False, False), (2.0, 2.0), device=device)
-    counts, widths = bench.list.cells_per_axis, grid_layout([0, 0], [2, 2], (False, False), bench.list.list_radius)[1]
+    counts, widths = (
+        bench.list.cells_per_axis,
+        grid_layout([0, 0], [2, 2], (False, False), bench.list.list_radius)[1],
+    )
     low = np.asarray(bench.list_keywords["lower"])
     anchor = bench.particles.get("anchor")
     cell = np.floor((anchor - low) / widths).astype(int)
@@ -262,7 +273,7 @@ def test_a_narrow_list_is_noticed_and_widened(device):
     stepper.rebuild()
     _, counters = stepper.read()
     assert counters[ck.FAULT] == 0
-    assert counters[ck.LIST_PEAK] == peak
+    assert counters[ck.LIST_PEAK] >= peak
     assert stepper.list.width >= peak
     ids = stepper.particles.get("particle_id")
     table = stepper.list.neighbours.numpy()

@@ -53,46 +53,48 @@ def assert_same_state(one: Path, other: Path) -> None:
     a, attributes = checkpoint.load(one)
     b, others = checkpoint.load(other)
     assert attributes["time"] == others["time"] and attributes["step"] == others["step"]
+    assert_same_arrays(a, b)
+
+
+def assert_same_arrays(a, b) -> None:
     assert a.keys() == b.keys() and len(a) > 10
     for name in a.keys() - {"clock", "counters"}:
         assert a[name].tobytes() == b[name].tobytes(), name
-    kept = [
-        ck.TIME,
-        ck.STEP,
-        ck.LAST_STEP,
-        ck.EXCESS_PRESSURE,
-        ck.BOX_VOLUME,
-        ck.SPEED,
-        ck.ACCELERATION,
-        ck.OFFSET,
-    ]
-    np.testing.assert_array_equal(a["clock"][kept], b["clock"][kept])
-    assert [int(a["counters"][k]) for k in (ck.STEPS, ck.REBUILDS, ck.SINCE_CONSTRAINT)] == [
-        int(b["counters"][k]) for k in (ck.STEPS, ck.REBUILDS, ck.SINCE_CONSTRAINT)
-    ]
+    # of clock and counters, what does not tell how the run was cut into portions
+    numbers = [index for index in range(ck.CLOCK_SIZE) if index != ck.TARGET]
+    np.testing.assert_array_equal(a["clock"][numbers], b["clock"][numbers])
+    for counter in (ck.STEPS, ck.REBUILDS, ck.SINCE_CONSTRAINT, ck.BAND_COUNT):
+        assert a["counters"][counter] == b["counters"][counter], counter
+
+
+def clocks(run: Path) -> np.ndarray:
+    return np.array([checkpoint.load(path)[0]["clock"] for path in checkpoints(run)])
 
 
 def test_scenes_use_the_list_between_rebuilds(whole):
     """A restart has something to get wrong: checkpoints fall between two list builds."""
     summary = json.loads((whole / "summary.json").read_text())
     assert 2 < summary["list_rebuilds"] < 0.8 * summary["steps"]
-    offsets = [checkpoint.load(path)[0]["clock"][ck.OFFSET] for path in checkpoints(whole)]
-    assert max(offsets) > 0
+    assert clocks(whole)[:, ck.OFFSET].max() > 0
+    if summary["title"] == "vortices":
+        assert np.count_nonzero(clocks(whole)[:-1, ck.EXCESS_PRESSURE])
 
 
-@pytest.mark.parametrize("which", [0, 1])
+@pytest.mark.parametrize("which", ["early", "late", "pressed"])
 def test_continues_in_its_folder_bit_by_bit(scene, threads, whole, tmp_path, which):
+    """Also where the volume constraint has just asked for a pressure."""
     run = tmp_path / "run"
     shutil.copytree(whole, run)
-    start = checkpoints(run)[which]
+    pressed = int(np.flatnonzero(np.append(clocks(run)[:-1, ck.EXCESS_PRESSURE], 1))[0])
+    start = checkpoints(run)[{"early": 0, "late": -3, "pressed": min(pressed, 4)}[which]]
     simulation = Simulation(scene, output=run, restart=start, threads=threads)
+    assert_same_arrays(checkpoint.load(start)[0], simulation.model.save_state())
     assert checkpoints(run)[-1] == start  # later ones belong to the future that is computed again
     assert simulation.gauge(next(iter(scene.gauges)))["time"][-1] <= simulation.model.time * (1 + 1e-9)
     simulation.run()
     assert_same_files(whole, run)
     assert [path.name for path in checkpoints(whole)] == [path.name for path in checkpoints(run)]
-    for one, other in zip(checkpoints(whole), checkpoints(run), strict=True):
-        assert_same_state(one, other)
+    assert_same_state(checkpoints(whole)[-1], checkpoints(run)[-1])
 
 
 def test_end_time_beyond_the_old_end(scene, threads, whole, tmp_path):
@@ -130,7 +132,7 @@ def drop(tmp_path_factory):
 def test_into_a_new_folder(drop, tmp_path):
     """It starts at the checkpoint, with all that is due there, and leaves the old folder alone."""
     before = {path: path.stat().st_mtime_ns for path in drop.rglob("*")}
-    start = checkpoints(drop)[1]
+    start = checkpoints(drop)[3]  # at 0.2 s
     Simulation(case_of(FULL), output=tmp_path / "new", restart=start, threads=1).run()
     assert {path: path.stat().st_mtime_ns for path in drop.rglob("*")} == before
     moment = checkpoint.load(start)[1]["time"]
@@ -162,7 +164,8 @@ def test_nothing_is_cut_if_the_restart_fails(drop, tmp_path):
         Simulation(changed, output=run, restart=checkpoints(run)[0], threads=1)
     assert [path.name for path in checkpoints(run)] == [path.name for path in checkpoints(drop)]
     assert_same_files(drop, run, ("particles",))
-    Simulation(case_of(FULL), output=run, restart=checkpoints(run)[0], threads=1)  # the folder is free again
+    # the folder is free again
+    Simulation(case_of(FULL), output=run, restart=checkpoints(run)[0], threads=1).close()
 
 
 def test_in_memory_alone(drop):
@@ -197,11 +200,17 @@ def test_broken_checkpoint_is_skipped_and_said(drop, tmp_path):
     assert simulation.model.time == checkpoint.load(before)[1]["time"]
     assert any(newest.name in line for line in simulation.warnings)
     assert newest.name in (run / "log.txt").read_text()
+    simulation.close()
 
 
 def test_changed_numbers_are_fine(drop):
     """A restart may change what the state does not hang on."""
-    changes = {"end_time": 0.41, "numerics.skin": 0.02, "phases.liquid.viscosity": 0.1, "gravity": [0.1, -1]}
+    changes = {
+        "end_time": 0.41,
+        "numerics.skin": 0.02,
+        "phases.liquid.viscosity": 0.1,
+        "gravity": [0.05, -0.1],
+    }
     Simulation(case_of(FULL).replace(changes), restart=drop, threads=1).run()
 
 

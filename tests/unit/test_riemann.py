@@ -38,7 +38,8 @@ def test_both_particles_see_one_star_state(pairs, arithmetic):
     args = (p["rho_i"], p["rho_j"])
     back = (p["rho_j"], p["rho_i"])
     np.testing.assert_allclose(
-        pressure(arithmetic, p["p_i"], p["p_j"], *args, zero), pressure(arithmetic, p["p_j"], p["p_i"], *back, zero)
+        pressure(arithmetic, p["p_i"], p["p_j"], *args, zero),
+        pressure(arithmetic, p["p_j"], p["p_i"], *back, zero),
     )
     # with a jump the pressures differ by just that: the difference is the tension
     seen_from_i = pressure(arithmetic, p["p_i"], p["p_j"], *args, p["jump"])
@@ -70,10 +71,16 @@ def test_weights_do_no_net_work(pairs, arithmetic):
 def test_equal_media_are_the_acoustic_solution(arithmetic):
     """u* = (u_i + u_j)/2 + dp/(2 Z), p* the mean."""
     one = np.ones(4)
-    u_i, u_j, dp = np.array([1.0, 0.0, -2.0, 0.3]), np.array([1.0, 2.0, 1.0, 0.0]), np.array([0.0, 3.0, -1.0, 5.0])
+    u_i, u_j, dp = (
+        np.array([1.0, 0.0, -2.0, 0.3]),
+        np.array([1.0, 2.0, 1.0, 0.0]),
+        np.array([0.0, 3.0, -1.0, 5.0]),
+    )
     star = velocity(arithmetic, u_i, u_j, 4 * one, 4 * one, 20 * one, 20 * one, dp)
     np.testing.assert_allclose(star, 0.5 * (u_i + u_j) + dp / 40, rtol=1e-14)
-    np.testing.assert_allclose(pressure(arithmetic, u_i, u_j, 4 * one, 4 * one, 0 * one), 0.5 * (u_i + u_j), rtol=1e-14)
+    np.testing.assert_allclose(
+        pressure(arithmetic, u_i, u_j, 4 * one, 4 * one, 0 * one), 0.5 * (u_i + u_j), rtol=1e-14
+    )
 
 
 def test_impedance_of_two_media(pairs):

@@ -1,4 +1,4 @@
-"""Continuity and momentum sweeps: conservation, invariance, exactness, energy, and equal results of every layout."""
+"""Continuity and momentum sweeps: conservation, invariance, exactness, energy, the same from any layout."""
 
 import dataclasses
 
@@ -8,6 +8,7 @@ import pytest
 from tests.helpers import Bench, Fluid, Setup, full, lattice
 from warpsph.kernels.smoothing import KERNELS
 from warpsph.kernels.spec import Spec
+from warpsph.schemes import riemann
 
 BASE = Spec(dimension=2, precision="float64")
 PLUS_MORRIS = dataclasses.replace(BASE, periodic=(True, True), multiphase=True, viscosity="morris")
@@ -22,12 +23,20 @@ PAPER = dataclasses.replace(
     interface_force=True,
 )
 MINUS_RADIAL = dataclasses.replace(
-    BASE, multiphase=True, viscosity="radial", tension="pressure_jump", interface=True, corrected=True, shifting=True
+    BASE,
+    multiphase=True,
+    viscosity="radial",
+    tension="pressure_jump",
+    interface=True,
+    corrected=True,
+    shifting=True,
 )
 MINUS_MORRIS = dataclasses.replace(
     BASE, viscosity="morris", corrected=True, shifting=True, gravity=True, body_force=True
 )
-MINUS_3D = dataclasses.replace(MINUS_MORRIS, dimension=3, periodic=(False,) * 3, gravity=False, body_force=False)
+MINUS_3D = dataclasses.replace(
+    MINUS_MORRIS, dimension=3, periodic=(False,) * 3, gravity=False, body_force=False
+)
 
 LIGHT_AND_HEAVY = (
     Fluid(density=1.0, viscosity=0.01, sound_speed=14.0, gamma=1.4),
@@ -39,7 +48,7 @@ FORMS = {"morris": PLUS_MORRIS, "radial": PLUS_RADIAL, "paper": PAPER}
 
 
 def scene(spec, counts=(14, 14), jitter=0.35, seed=1, **options):
-    """Return (bench, positions) of a disordered cloud of random velocity, pressure and volume in two phases."""
+    """Return (bench, positions) of a disordered cloud of random velocity, pressure and volume."""
     rng = np.random.default_rng(seed)
     x = lattice(counts, SPACING, jitter, seed, centre=False)
     n = len(x)
@@ -77,7 +86,7 @@ def relative_sum(terms):
 
 
 def bulk(bench, x):
-    """Return which particles are at least half a support away from the sides: enough neighbours to correct with."""
+    """Return which particles are half a support from the sides: enough neighbours to correct with."""
     return ((x > 0.5 * bench.support) & (x < bench.upper - 0.5 * bench.support)).all(axis=1)
 
 
@@ -92,7 +101,7 @@ def kernel_sum(bench, x):
     return (f[..., None] * d * bench.get("state")[: len(x), 1][None, :, None]).sum(axis=1)
 
 
-# conservation ----------------------------------------------------------------------------------------------------
+# conservation -----------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("form", FORMS)
@@ -114,7 +123,7 @@ def test_conservative_form_conserves_momentum(form, part, device):
 
 @pytest.mark.parametrize("form", FORMS)
 def test_pressure_work_becomes_compression(form, device):
-    """sum m v.a + sum V p (drho/dt)/rho = 0 without dissipation, also between media of 1000:1 (methods A2, T6)."""
+    """sum m v.a + sum V p (drho/dt)/rho = 0 without dissipation, also at 1000:1 (methods A2, T6)."""
     fluids = tuple(dataclasses.replace(fluid, viscosity=0.0) for fluid in LIGHT_AND_HEAVY)
     bench, _ = scene(FORMS[form], device=device, fluids=fluids, dissipation=0.0)
     power = mass(bench) * (bench.get("velocity") * bench.acceleration()).sum(axis=1)
@@ -136,7 +145,7 @@ def test_viscosity_takes_energy(form, device):
     assert (mass(bench) * (bench.get("velocity") * bench.acceleration()).sum(axis=1)).sum() < 0
 
 
-# invariance ------------------------------------------------------------------------------------------------------
+# invariance -------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("spec", [PLUS_MORRIS, PLUS_RADIAL, PAPER, MINUS_RADIAL, MINUS_MORRIS])
@@ -179,7 +188,10 @@ def test_two_equal_phases_are_one(spec, device):
     two, _ = scene(spec, device=device, fluids=(fluid, fluid))
     one, _ = scene(spec, device=device, fluids=(fluid, fluid), phase=0)
     assert (two.get("flags") != one.get("flags")).any()
-    for values, expected in ((two.acceleration(), one.acceleration()), (two.density_rate(), one.density_rate())):
+    for values, expected in (
+        (two.acceleration(), one.acceleration()),
+        (two.density_rate(), one.density_rate()),
+    ):
         np.testing.assert_allclose(values, expected, rtol=1e-11, atol=1e-12 * np.abs(expected).max())
 
 
@@ -187,7 +199,10 @@ def test_two_equal_phases_are_one(spec, device):
 def test_list_by_columns_gives_the_same(spec, device):
     rows, _ = scene(spec, device=device)
     columns, _ = scene(dataclasses.replace(spec, row_list=False), device=device)
-    for values, expected in ((columns.acceleration(), rows.acceleration()), (columns.density_rate(), rows.density_rate())):
+    for values, expected in (
+        (columns.acceleration(), rows.acceleration()),
+        (columns.density_rate(), rows.density_rate()),
+    ):
         np.testing.assert_allclose(values, expected, rtol=1e-12, atol=1e-13 * np.abs(expected).max())
 
 
@@ -198,16 +213,22 @@ def test_single_precision(device):
     assert np.abs(single.acceleration() - expected).max() < 1e-5 * np.abs(expected).max()
 
 
-# exactness -------------------------------------------------------------------------------------------------------
+# exactness --------------------------------------------------------------------------------------------------
 
 
 def test_gradient_and_divergence_on_a_lattice(device):
-    """Conservative forms: the exact value times the second moment of the lattice (methods 0.2, L at h = 1.5 dx)."""
+    """Conservative forms: exact but for the second moment of the lattice (methods 0.2, L)."""
     x = lattice((9, 9), SPACING)
     gradient, flow = np.array([3.0, -2.0]), np.array([[1.0, 2.0], [-4.0, 0.5]])
     fluid = Fluid(density=5.0)
     bench = Bench(
-        PLUS_RADIAL, x, spacing=SPACING, fluids=(fluid,), pressure=7.0 + x @ gradient, velocity=0.0, device=device
+        PLUS_RADIAL,
+        x,
+        spacing=SPACING,
+        fluids=(fluid,),
+        pressure=7.0 + x @ gradient,
+        velocity=0.0,
+        device=device,
     )
     centre = len(x) // 2
     np.testing.assert_allclose(bench.acceleration()[centre], -0.9974 * gradient / 5.0, rtol=6e-5)
@@ -221,7 +242,9 @@ def test_corrected_form_is_exact_for_a_linear_pressure(spec, device):
     d = spec.dimension
     gradient = np.array([3.0, -2.0, 5.0])[:d]
     fluids = (Fluid(density=4.0),) * 2  # an interface between equal densities changes nothing
-    bench, x = scene(spec, COUNTS[d], device=device, velocity=0.0, fluids=fluids, excess=0.02, dissipation=0.0)
+    bench, x = scene(
+        spec, COUNTS[d], device=device, velocity=0.0, fluids=fluids, excess=0.02, dissipation=0.0
+    )
     bench.put_state(pressure=100.0 + x @ gradient)
     density = mass(bench) / bench.get("state")[:, 1]
     error = bench.acceleration() + gradient / density[:, None]
@@ -236,7 +259,7 @@ def test_corrected_form_feels_no_uniform_pressure(spec, device):
 
 
 def test_laplace_jump_is_balanced_anywhere(device):
-    """Each phase at constant pressure, apart by sigma kappa: no acceleration and no change of density, at 1000:1."""
+    """Each phase at constant pressure, apart by sigma kappa: nothing moves, at 1000:1."""
     bench, _ = scene(MINUS_RADIAL, device=device, velocity=0.0, tension=0.7)
     inside = bench.get("phase") == 0
     kappa = 4.0
@@ -267,7 +290,7 @@ ROTATION, DILATION = np.array([[0.0, -2.0], [2.0, 0.0]]), np.array([[1.5, 0.0], 
     ],
 )
 def test_linear_velocity_feels_no_viscosity(spec, flow, device):
-    """On a disordered cloud, in the bulk. The radial form leaves the part of a strain that a third moment would take."""
+    """On a disordered cloud, in the bulk. The radial form would need a third moment for a strain."""
     fluids = (Fluid(density=4.0, viscosity=0.3),) * 2
     bench, x = scene(spec, COUNTS[spec.dimension], device=device, pressure=0.0, fluids=fluids, phase=0)
     scale = np.abs(bench.acceleration()).max()
@@ -288,10 +311,12 @@ def test_gravity_and_body_force_act_alike(device):
     bench, _ = scene(
         MINUS_MORRIS, device=device, velocity=0.0, pressure=3.0, gravity=(0.5, -9.81), body_force=(2.0, 0.25)
     )
-    np.testing.assert_allclose(bench.acceleration(), full((2.5, -9.56), len(bench.get("rest_volume")), 2), atol=1e-10)
+    np.testing.assert_allclose(
+        bench.acceleration(), full((2.5, -9.56), len(bench.get("rest_volume")), 2), atol=1e-10
+    )
 
 
-# forces of two particles -----------------------------------------------------------------------------------------
+# forces of two particles ------------------------------------------------------------------------------------
 
 
 def test_interface_force_keeps_phases_apart(device):
@@ -301,8 +326,8 @@ def test_interface_force_keeps_phases_apart(device):
         forces = []
         for zeta in (0.0, 0.08):
             bench = Bench(
-                PAPER, x, spacing=SPACING, pressure=[2.0, 5.0], phase=phase, fluids=LIGHT_AND_HEAVY, zeta=zeta,
-                device=device,
+                PAPER, x, spacing=SPACING, pressure=[2.0, 5.0], phase=phase, fluids=LIGHT_AND_HEAVY,
+                zeta=zeta, device=device,
             )  # fmt: skip
             forces.append(mass(bench)[:, None] * bench.acceleration())
         extra = forces[1] - forces[0]
@@ -344,7 +369,7 @@ def test_harmonic_mean_of_two_viscosities(device):
     assert friction(0.0, 0.0) == 0.0
 
 
-# continuity ------------------------------------------------------------------------------------------------------
+# continuity -------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("spec", [PLUS_MORRIS, PLUS_RADIAL, PAPER])
@@ -353,13 +378,13 @@ def test_high_pressure_expands(spec, phases, device):
     """The pressure difference in the star velocity lowers the density of the particle of higher pressure."""
     x = np.array([[0.05, 0.0], [0.15, 0.02]])
     bench = Bench(
-        spec, x, spacing=SPACING, lower=-1.0, upper=1.0, pressure=[2.0, 1.0], phase=phases, fluids=LIGHT_AND_HEAVY,
-        device=device,
+        spec, x, spacing=SPACING, lower=-1.0, upper=1.0, pressure=[2.0, 1.0], phase=phases,
+        fluids=LIGHT_AND_HEAVY, device=device,
     )  # fmt: skip
     rate = bench.density_rate()
     assert rate[0] < 0 < rate[1]
     assert rate[0] == pytest.approx(-rate[1], rel=1e-12)
-    # each of the two particles moves its side at u* = dp / (Z_i + Z_j): (printed form: mean density times mean speed)
+    # u* = dp / (Z_i + Z_j) on either side; the printed form has mean density times mean sound speed
     density, speed = ([f.density for f in LIGHT_AND_HEAVY], [f.sound_speed for f in LIGHT_AND_HEAVY])
     rho, c = np.array(density)[list(phases)], np.array(speed)[list(phases)]
     impedance = 2 * rho.mean() * c.mean() if spec.paper_star else (rho * c).sum()
@@ -373,8 +398,8 @@ def test_approaching_particles_are_compressed(device):
     x = np.array([[0.0, 0.0], [0.1, 0.0]])
     for phases in ([0, 0], [0, 1]):
         bench = Bench(
-            PLUS_RADIAL, x, spacing=SPACING, velocity=[[1.0, 0.0], [-1.0, 0.0]], phase=phases, fluids=LIGHT_AND_HEAVY,
-            device=device,
+            PLUS_RADIAL, x, spacing=SPACING, velocity=[[1.0, 0.0], [-1.0, 0.0]], phase=phases,
+            fluids=LIGHT_AND_HEAVY, device=device,
         )  # fmt: skip
         rate = bench.density_rate()
         assert (rate > 0).all()
@@ -399,12 +424,14 @@ def test_hydrostatic_interface_drives_nothing(device):
     spec = dataclasses.replace(PLUS_RADIAL, gravity=True)
     x = np.array([[0.0, -0.05], [0.0, 0.05]])
     options = dict(spacing=SPACING, phase=[1, 0], fluids=LIGHT_AND_HEAVY, gravity=(0.0, -9.81), device=device)
-    rest = Bench(spec, x, pressure=[3.0 + 1000 * 9.81 * 0.05, 3.0 - 1 * 9.81 * 0.05], **options).density_rate()
+    rest = Bench(
+        spec, x, pressure=[3.0 + 1000 * 9.81 * 0.05, 3.0 - 1 * 9.81 * 0.05], **options
+    ).density_rate()
     level = Bench(spec, x, pressure=3.0, **options).density_rate()
     assert np.abs(rest).max() < 1e-12 * np.abs(level).max()
 
 
-# shift -----------------------------------------------------------------------------------------------------------
+# shift ------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("spec", [MINUS_RADIAL, MINUS_MORRIS])
@@ -421,7 +448,9 @@ def test_shift_needs_a_velocity_gradient(spec, device):
 def test_shift_evens_out(spec, device):
     """Towards the emptier side, within its cap, and the cloud is more even after it."""
     fluids = (Fluid(density=4.0, viscosity=0.3),) * 2
-    bench, x = scene(spec, device=device, pressure=0.0, fluids=fluids, volume=SPACING**2, shifting=0.5, shift_cap=0.05)
+    bench, x = scene(
+        spec, device=device, pressure=0.0, fluids=fluids, volume=SPACING**2, shifting=0.5, shift_cap=0.05
+    )
     bench.put("velocity", x @ np.array([[0.0, 3.0], [0.0, 0.0]]))
     before = kernel_sum(bench, x)
     bench.acceleration(dt=0.5)
@@ -454,9 +483,7 @@ def test_shifted_particles_carry_the_fields_of_their_new_place(spec, device):
     flow = np.array([[1.0, 2.0, -1.0], [-4.0, -1.0, 3.0], [0.2, 0.7, -1.5]])[:d, :d]
     gradient = np.array([3.0, -2.0, 5.0])[:d]
     fluids = (Fluid(density=4.0, sound_speed=9.0, gamma=1.0),) * 2
-    bench, x = scene(
-        spec, COUNTS[d], device=device, fluids=fluids, phase=0, shifting=0.2, excess=0.0
-    )
+    bench, x = scene(spec, COUNTS[d], device=device, fluids=fluids, phase=0, shifting=0.2, excess=0.0)
     bench.put("velocity", x @ flow.T)
     bench.put_state(pressure=x @ gradient)
     bench.acceleration(dt=0.1)
@@ -469,7 +496,37 @@ def test_shifted_particles_carry_the_fields_of_their_new_place(spec, device):
     np.testing.assert_allclose(pressure[inside], (shift @ gradient)[inside], atol=1e-12)
 
 
-# threads ---------------------------------------------------------------------------------------------------------
+# leapfrog ------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("precision", ["float32", "float64"])
+def test_kick_and_drift(precision, device):
+    """v += (dt + dt_before)/2 a, then x += dt v and the shift with its change of velocity."""
+    spec = dataclasses.replace(MINUS_MORRIS, precision=precision)
+    bench, x = scene(spec, device=device)
+    rng = np.random.default_rng(4)
+    velocity, a, carried = rng.normal(size=(3, *x.shape))
+    way, shift = 1e-3 * rng.normal(size=(2, *x.shape))
+    values = {"velocity": velocity, "acceleration": a, "carried": carried, "offset": way, "shift": shift}
+    for name, value in values.items():
+        bench.put(name, value)
+    anchor = bench.get("anchor")
+    bench.set_clock(STEP=0.03, LAST_STEP=0.01)
+    bench.run(riemann.step(bench.spec)[0])
+    moved = velocity + 0.02 * a
+    tiny = 1e-14 if precision == "float64" else 1e-6
+    np.testing.assert_allclose(bench.get("velocity"), moved + carried, atol=tiny)
+    np.testing.assert_allclose(bench.get("offset"), way + 0.03 * moved + shift, atol=0.1 * tiny)
+    np.testing.assert_allclose(bench.get("position"), anchor + way + 0.03 * moved + shift, atol=tiny)
+    np.testing.assert_array_equal(bench.get("anchor"), anchor)
+    np.testing.assert_allclose(bench.get("midway"), bench.get("position") - 0.015 * moved, atol=tiny)
+    np.testing.assert_array_equal(bench.get("state_old"), bench.get("state")[: len(x)])
+    maxima = np.sqrt(bench.bindings["maxima"].numpy().astype(float))
+    assert maxima[0] == pytest.approx(np.linalg.norm(moved + carried, axis=1).max(), rel=1e-5)
+    assert maxima[2] == pytest.approx(np.linalg.norm(way + 0.03 * moved + shift, axis=1).max(), rel=1e-5)
+
+
+# threads ----------------------------------------------------------------------------------------------------
 
 
 def test_threads_give_identical_bits():
@@ -479,14 +536,14 @@ def test_threads_give_identical_bits():
     size = np.array([3.6, 3.0])
     velocity = 3.0 * np.stack([np.sin(2 * np.pi * x[:, 0] / 3.6), rng.uniform(-1, 1, len(x))], axis=1)
     spec = dataclasses.replace(
-        BASE, precision="float32", periodic=(True, True), corrected=True, shifting=True, volume_constraint=True,
-        viscosity="morris",
+        BASE, precision="float32", periodic=(True, True), corrected=True, shifting=True,
+        volume_constraint=True, viscosity="morris",
     )  # fmt: skip
     results = []
     for threads in (1, 2, 3):
         setup = Setup(
-            spec, x, spacing=SPACING, lower=0.0, upper=size, velocity=velocity, fluids=(Fluid(viscosity=0.01),),
-            device="cpu",
+            spec, x, spacing=SPACING, lower=0.0, upper=size, velocity=velocity,
+            fluids=(Fluid(viscosity=0.01),), device="cpu",
         )  # fmt: skip
         stepper = setup.stepper(threads)
         stepper.prepare(fresh=True)

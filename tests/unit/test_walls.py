@@ -25,7 +25,12 @@ TANK = Spec(
     gravity=True,
 )
 CHANNEL = Spec(
-    dimension=2, precision="float64", periodic=(True, False), walls=True, wall_no_slip=True, viscosity="morris"
+    dimension=2,
+    precision="float64",
+    periodic=(True, False),
+    walls=True,
+    wall_no_slip=True,
+    viscosity="morris",
 )
 GRAVITY = np.array([0.5, -9.81])
 
@@ -40,7 +45,7 @@ def tank(jitter=0.2, spec=TANK, **options):
 
 
 def channel(**options):
-    """Return (bench, fluid, walls): eight rows of fluid along x, periodic, between two walls of three rows."""
+    """Return (bench, fluid, walls): eight rows of fluid, periodic along x, between walls of three."""
     every = lattice((10, 14), SPACING, centre=False) - [0.0, 0.3]
     solid = (every[:, 1] < 0) | (every[:, 1] > 0.8)
     options.setdefault("fluids", (WATER,))
@@ -82,7 +87,7 @@ def test_fluid_at_rest_stays_at_rest(device):
 
 
 def test_wall_at_the_edge_of_the_support(device):
-    """However little fluid a wall particle sees, its pressure is that of the fluid: the gradient there is not small."""
+    """However little fluid a wall particle sees, its pressure is that of the fluid."""
     walls = np.array([[0.0, 0.0]])
     for distance in (0.9, 0.98, 0.995):
         fluid = np.array([[distance * 0.3, 0.0]])
@@ -113,7 +118,9 @@ def test_each_phase_weighs_as_itself_at_the_wall(device):
 def test_mirrored_velocity(device):
     """v_mirror = 2 v_wall - v_fluid for a uniform flow."""
     wall_velocity = np.array([0.5, -0.25])
-    bench, fluid, walls = tank(velocity=(2.0, 3.0), wall_velocity=wall_velocity, gravity=GRAVITY, device=device)
+    bench, fluid, walls = tank(
+        velocity=(2.0, 3.0), wall_velocity=wall_velocity, gravity=GRAVITY, device=device
+    )
     bench.prepare()
     reached = np.array([np.linalg.norm(fluid - w, axis=1).min() < 0.9 * bench.support for w in walls])
     expected = np.broadcast_to(2 * wall_velocity - [2.0, 3.0], walls.shape)
@@ -167,7 +174,7 @@ def test_flow_towards_a_wall_is_compressed(device):
 
 
 def test_friction_of_no_slip_and_free_slip_walls(device):
-    """A uniform flow is slowed next to a no-slip wall, not by a free-slip one, and not by one that moves along."""
+    """A no-slip wall slows the flow beside it; a free-slip one does not, nor one that moves along."""
     for slip, wall_velocity, slowed in ((0, 0.0, True), (1, 0.0, False), (0, (1.0, 0.0), False)):
         bench, fluid, _ = channel(velocity=(1.0, 0.0), slip=slip, wall_velocity=wall_velocity, device=device)
         bench.prepare()
@@ -179,8 +186,7 @@ def test_friction_of_no_slip_and_free_slip_walls(device):
 
 
 def test_couette_flow_is_steady_between_moving_walls(device):
-    """A linear profile that meets the wall halfway between fluid and wall particles feels little friction: the mirror
-    particles carry one velocity a layer, from the average of their fluid neighbours."""
+    """A linear profile feels friction only beside the walls, whose particles mirror a mean."""
     bench, fluid, walls = channel(device=device)
     bench.put("velocity", np.concatenate([np.stack([fluid[:, 1], 0 * fluid[:, 1]], 1), np.zeros_like(walls)]))
     velocity = bench.get("velocity")

@@ -25,8 +25,9 @@ def step(spec: Spec) -> list[Stage]:
         Stage("continuity", make_continuity(spec), "fluid", "density and pressure from star velocities"),
     ]
     if spec.volume_constraint:
-        add, close = make_volume(spec)
+        add, fold, close = make_volume(spec)
         stages.append(Stage("volume", add, "blocks", "closed domain with the corrected gradient: mean pressure"))
+        stages.append(Stage("volume_fold", fold, "folds", "adds up the parts of the volume"))
         stages.append(Stage("volume_close", close, "one", "closes the volume sum"))
     stages += before_momentum(spec)
     stages.append(Stage("momentum", make_momentum(spec), "fluid", "acceleration from star pressures"))

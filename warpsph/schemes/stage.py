@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 from typing import Any, Literal
 
-Rows = Literal["fluid", "wall", "band", "blocks", "one"]
+Rows = Literal["fluid", "wall", "band", "blocks", "folds", "one"]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -15,7 +15,8 @@ class Stage:
     Attributes:
         name: shown to the user and in timings.
         kernel: Warp kernel.
-        rows: what it runs over: fluid or wall particles, the interface band, blocks of particles, or one thread.
+        rows: what it runs over: fluid or wall particles, the interface band, blocks of particles, groups of
+            blocks, or one thread.
         reason: why this scene needs it.
     """
 

@@ -1,0 +1,302 @@
+"""The device's clock: step limits, target times, faults, and when to care for the neighbour list."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+import warp as wp
+
+from tests.helpers import Fluid, Setup, lattice
+from warpsph.kernels import clock as ck
+from warpsph.kernels.clock import make_advance
+from warpsph.kernels.spec import Spec
+from warpsph.neighbours import brute_force_pairs
+
+H, SOUND, COURANT, SKIN = 0.01, 20.0, 0.5, 1e-3
+ACOUSTIC = COURANT * H / SOUND  # 2.5e-4 s
+
+
+class Clock:
+    """The end of a step alone, with what the sweeps would have found."""
+
+    def __init__(self, precision="float64", **entries):
+        self.kernel = make_advance(precision)
+        self.real = {"float32": wp.float32, "float64": wp.float64}[precision]
+        values = np.zeros(ck.CLOCK_SIZE)
+        values[ck.COURANT] = COURANT * H
+        values[ck.SOUND] = SOUND
+        values[ck.FORCE] = 0.25 * math.sqrt(H)
+        values[ck.STEP_CAP] = math.inf
+        values[ck.TARGET] = 1e3
+        values[ck.SKIN] = SKIN
+        values[ck.FARTHEST] = 5 * SKIN
+        values[ck.CHECK_LASTS] = -1.0
+        for name, value in entries.items():
+            values[getattr(ck, name)] = value
+        self.values = values
+        self.counters = np.zeros(ck.COUNTERS_SIZE, dtype=np.int32)
+        self.counters[ck.STEP_LIMIT] = 10**9
+        self.counters[ck.FAULT_PARTICLE] = ck.NO_PARTICLE
+
+    def advance(self, advancing=1, speed=0.0, acceleration=0.0, way=0.0, shift=0.0, faults=(ck.NO_PARTICLE,)):
+        """End a step in which these maxima were seen; several threads if they are sequences."""
+        slots = len(faults)
+        maxima = np.zeros((slots, ck.MAXIMA))
+        for column, value in enumerate((speed, acceleration, way, shift)):
+            maxima[:, column] = np.square(value)
+        maxima = wp.array(maxima.ravel(), dtype=self.real, device="cpu")
+        clock = wp.array(self.values, dtype=wp.float64, device="cpu")
+        counters = wp.array(self.counters, dtype=int, device="cpu")
+        inputs = [advancing, maxima, wp.array(faults, dtype=int, device="cpu"), clock, counters]
+        wp.launch(self.kernel, dim=1, inputs=inputs, device="cpu")
+        self.values, self.counters = clock.numpy().copy(), counters.numpy().copy()
+        assert not maxima.numpy().any()  # ready for the next step
+        return self
+
+    def __getattr__(self, name):
+        index = getattr(ck, name)
+        return self.counters[index] if name in COUNTERS else self.values[index]
+
+
+COUNTERS = {"STEPS", "RUNNING", "REBUILD", "FAULT", "FAULT_PARTICLE", "CHECK"}
+
+
+def test_acoustic_limit():
+    """Courant number times h over sound speed plus the largest speed."""
+    assert Clock().advance().STEP == pytest.approx(ACOUSTIC)
+    assert Clock(SKIN=1.0).advance(speed=5.0).STEP == pytest.approx(COURANT * H / (SOUND + 5.0))
+
+
+def test_force_limit():
+    """0.25 sqrt(h / a)."""
+    assert Clock(SKIN=1.0).advance(acceleration=400.0).STEP == pytest.approx(ACOUSTIC)
+    a = 4e6
+    assert Clock(SKIN=1.0).advance(acceleration=a).STEP == pytest.approx(0.25 * math.sqrt(H / a))
+
+
+def test_constant_limit():
+    assert Clock(STEP_CAP=1e-5).advance().STEP == pytest.approx(1e-5)
+    assert Clock(STEP_CAP=1.0).advance().STEP == pytest.approx(ACOUSTIC)
+
+
+def test_no_step_goes_further_than_the_list_bears():
+    """Half a skin from a fresh list, kicks and shift included."""
+    for speed, acceleration, shift in ((100.0, 0.0, 0.0), (3.0, 2e5, 0.0), (50.0, 1e4, 1e-4)):
+        clock = Clock(OFFSET=0.0).advance(speed=speed, acceleration=acceleration, shift=shift)
+        kick = 0.5 * acceleration * (clock.STEP + clock.LAST_STEP)
+        assert 0 < clock.STEP and (speed + kick) * clock.STEP + shift <= 0.5 * SKIN
+        assert clock.REBUILD == 0 and clock.CHECK == 0
+
+
+def test_largest_of_all_threads():
+    clock = Clock(SKIN=1.0).advance(
+        speed=[1.0, 3.0, 2.0], acceleration=[9.0, 4.0, 1.0], faults=[ck.NO_PARTICLE] * 3
+    )
+    assert clock.SPEED == pytest.approx(3.0)
+    assert clock.ACCELERATION == pytest.approx(9.0)
+
+
+def test_time_adds_up():
+    clock = Clock(STEP=1e-4, TIME=2.0).advance()
+    assert clock.TIME == 2.0 + 1e-4
+    assert clock.LAST_STEP == 1e-4
+    assert clock.STEPS == 1
+    before = clock.TIME
+    clock.advance(advancing=0)
+    assert clock.TIME == before and clock.STEPS == 1 and clock.LAST_STEP == 1e-4
+
+
+@pytest.mark.parametrize(
+    "target", [1e-3, 0.01, 0.3333, 0.9 * ACOUSTIC, 1.0000001 * ACOUSTIC, 4.01 * ACOUSTIC]
+)
+def test_target_is_met_without_a_sliver(target):
+    """The last steps are never a small rest; time ends on the target and the loop stops."""
+    clock = Clock(TARGET=target).advance(advancing=0)
+    steps = []
+    while clock.RUNNING:
+        steps.append(clock.STEP)
+        clock.advance()
+        assert len(steps) < 10**4
+    assert clock.TIME == pytest.approx(target, rel=1e-12)
+    assert sum(steps) == pytest.approx(target, rel=1e-10)
+    assert min(steps) >= 0.499 * min(ACOUSTIC, target)
+    assert max(steps) <= ACOUSTIC * (1 + 1e-12)
+    # already there: nothing is left to do
+    assert clock.advance(advancing=0).RUNNING == 0
+
+
+def test_late_targets_do_not_stall():
+    """Long after the start a step is still taken and ends on the target."""
+    clock = Clock(TIME=1e6, TARGET=1e6 + 3 * ACOUSTIC).advance(advancing=0)
+    count = 0
+    while clock.RUNNING and count < 20:
+        clock.advance()
+        count += 1
+    assert 3 <= count <= 5
+    assert clock.TIME == pytest.approx(1e6 + 3 * ACOUSTIC, abs=2e-6)
+
+
+def test_step_limit_hands_back():
+    clock = Clock()
+    clock.counters[ck.STEP_LIMIT] = 2
+    assert clock.advance().RUNNING == 1
+    assert clock.advance().RUNNING == 0
+
+
+def test_faults_stop_the_loop():
+    clock = Clock().advance(faults=[ck.NO_PARTICLE, 17, 5], way=SKIN)
+    assert clock.FAULT == ck.FAULT_STATE
+    assert clock.FAULT_PARTICLE == 5
+    assert clock.RUNNING == 0 and clock.REBUILD == 0 and clock.CHECK == 0
+
+
+def test_list_is_looked_after_once_half_the_skin_is_used():
+    assert Clock().advance(way=0.3 * SKIN, speed=0.1).CHECK == 0
+    clock = Clock().advance(way=0.499 * SKIN, speed=0.1)
+    assert clock.CHECK == 1 or clock.REBUILD == 1
+    # far from where the list was built: no check can help
+    assert Clock().advance(way=6 * SKIN, speed=0.1).REBUILD == 1
+
+
+def test_start_is_limited_like_any_step():
+    """Without advancing, speed and acceleration are those the stepper put in."""
+    clock = Clock(SPEED=5.0, ACCELERATION=4e6, SKIN=1.0).advance(advancing=0)
+    assert clock.STEP == pytest.approx(0.25 * math.sqrt(H / 4e6))
+    assert clock.TIME == 0.0
+
+
+# the whole loop ---------------------------------------------------------------------------------------------
+
+SPACING = 0.1
+LEAN = Spec(dimension=2, precision="float64", periodic=(True, True))
+
+
+def start(spec=LEAN, counts=(16, 14), velocity=None, device="cpu", **options):
+    """Return (setup, stepper) of a periodic box of fluid, prepared."""
+    x = lattice(counts, SPACING, 0.1, centre=False)
+    size = np.array(counts) * SPACING
+    if velocity is None:
+        velocity = np.zeros_like(x)
+    setup = Setup(
+        spec, x, spacing=SPACING, lower=0.0, upper=size, velocity=velocity, device=device, **options
+    )
+    stepper = setup.stepper()
+    stepper.prepare(fresh=True)
+    return setup, stepper
+
+
+def swirl(counts, speed, drift=(0.0, 0.0)):
+    x = lattice(counts, SPACING, 0.1, centre=False)
+    u, v = 2 * np.pi * x.T / (np.array(counts) * SPACING)[:, None]
+    return speed * np.stack([np.sin(u) * np.cos(v), -np.cos(u) * np.sin(v)], axis=1) + drift
+
+
+def test_run_ends_on_its_targets(device):
+    _, stepper = start(velocity=swirl((16, 14), 0.5), device=device)
+    for target in (0.05, 0.0513, 0.1):
+        stepper.run(target, 10**6)
+        clock, counters = stepper.read()
+        assert clock[ck.TIME] == pytest.approx(target, rel=1e-12)
+        assert counters[ck.FAULT] == 0
+    done = counters[ck.STEPS]
+    stepper.run(0.1, 10**6)
+    assert stepper.read()[1][ck.STEPS] == done
+
+
+def test_not_a_number_stops_the_run(device):
+    """The run says which particle, and neither hangs nor goes on."""
+    setup, stepper = start(device=device)
+    velocity = setup.particles.get("velocity")
+    velocity[7, 1] = np.nan
+    setup.particles.put("velocity", velocity)
+    stepper.run(1.0, 10**4)
+    clock, counters = stepper.read()
+    assert counters[ck.FAULT] == ck.FAULT_STATE
+    assert counters[ck.FAULT_PARTICLE] == 7
+    assert counters[ck.STEPS] <= 2 and counters[ck.RUNNING] == 0
+
+
+def test_a_runaway_stops_the_run(device):
+    setup, stepper = start(device=device)
+    velocity = setup.particles.get("velocity")
+    velocity[3] = [0.0, 11.0 * setup.clock[ck.SOUND]]
+    setup.particles.put("velocity", velocity)
+    stepper.run(1.0, 10**4)
+    _, counters = stepper.read()
+    assert counters[ck.FAULT] == ck.FAULT_STATE and counters[ck.FAULT_PARTICLE] == 3
+
+
+def pairs_of(setup, stepper):
+    """Return the pairs of the list as rows of the arrays."""
+    n, width = setup.particles.count, stepper.list.width
+    table = stepper.list.neighbours.numpy()
+    table = table.reshape(n, width) if stepper.spec.row_list else table.reshape(width, n).T
+    count = setup.particles.get("fluid_neighbours").astype(int)
+    if "wall_neighbours" in setup.particles.arrays:
+        count[: setup.particles.fluid_count] += setup.particles.get("wall_neighbours")
+    return {(i, int(j)) for i in range(n) for j in table[i, : count[i]]}
+
+
+@pytest.mark.parametrize("drift", [(0.0, 0.0), (3.0, -2.0)])
+def test_list_stays_complete_between_rebuilds(drift, device):
+    """After every step each pair within the support is listed; a common motion costs no more rebuilds."""
+    counts = (16, 14)
+    setup, stepper = start(velocity=swirl(counts, 1.0, drift), device=device)
+    most = 80
+    for step in range(most):
+        stepper.run(1e3, 1)
+        position = setup.particles.get("position")
+        assert brute_force_pairs(position, setup.box, setup.support * (1 - 1e-9)) <= pairs_of(
+            setup, stepper
+        ), step
+        clock, counters = stepper.read()
+        assert counters[ck.FAULT] == 0
+    assert counters[ck.STEPS] == most
+    way = clock[ck.TIME] * (1.0 + math.hypot(*drift))
+    assert counters[ck.REBUILDS] > 1
+    # a quarter of the list radius is the longest way between two rebuilds
+    assert counters[ck.REBUILDS] >= 0.5 * way / clock[ck.FARTHEST]
+
+
+def test_list_stays_complete_beside_walls(device):
+    """Fluid that moves along, towards and away from particles that do not."""
+    every = lattice((14, 14), SPACING, centre=False) - 0.3
+    solid = ((every < 0) | (every > 0.8)).any(axis=1)
+    fluid = every[~solid]
+    spec = dataclasses.replace(LEAN, periodic=(False, False), walls=True)
+    u, v = np.pi * fluid.T / 0.8
+    velocity = 2.0 * np.stack([np.sin(u) * np.cos(v), -np.cos(u) * np.sin(v)], axis=1)
+    setup = Setup(spec, fluid, walls=every[solid], spacing=SPACING, velocity=velocity, device=device)
+    stepper = setup.stepper()
+    stepper.prepare(fresh=True)
+    nf = len(fluid)
+    for step in range(60):
+        stepper.run(1e3, 1)
+        position = setup.particles.get("position")
+        near = brute_force_pairs(position, setup.box, setup.support * (1 - 1e-9))
+        assert {(i, j) for i, j in near if i < nf or j < nf} <= pairs_of(setup, stepper), step
+    assert stepper.read()[1][ck.REBUILDS] > 1
+
+
+def test_common_motion_needs_few_rebuilds(device):
+    """A fluid that moves as a whole keeps its list until it has gone a quarter of the list radius."""
+    setup, stepper = start(velocity=np.array([3.0, -2.0]), device=device)
+    stepper.run(1.0, 10**6)
+    clock, counters = stepper.read()
+    assert counters[ck.FAULT] == 0
+    assert counters[ck.REBUILDS] <= 2 + 1.2 * math.hypot(3.0, 2.0) / clock[ck.FARTHEST]
+    assert clock[ck.FARTHEST] > 2 * setup.half_skin
+
+
+def test_shear_asks_for_rebuilds(device):
+    """A list is not kept for longer than its pairs hold."""
+    counts = (16, 14)
+    x = lattice(counts, SPACING, 0.1, centre=False)
+    velocity = np.stack([4.0 * np.sin(2 * np.pi * x[:, 1] / 1.4), 0 * x[:, 0]], axis=1)
+    setup, stepper = start(velocity=velocity, device=device, fluids=(Fluid(sound_speed=40.0),))
+    stepper.run(0.1, 10**4)
+    clock, counters = stepper.read()
+    assert counters[ck.FAULT] == 0
+    # neighbouring rows part at the rate of the shear times the support: about one skin each 0.12 / 18 s
+    assert counters[ck.REBUILDS] >= 0.1 / (0.12 / 18) / 4

@@ -1,0 +1,211 @@
+"""The Python interface: load a case, change values, run, look at gauges and state; what a folder tells."""
+
+import json
+import threading
+
+import numpy as np
+import pytest
+
+import warpsph
+from tests.scenes import FULL, PERIODIC, case_of
+from warpsph import Simulation, load_case, output, simulation
+from warpsph.case_file import save_case
+from warpsph.errors import CaseError, WarpsphError
+from warpsph.gauges import read_gauge
+from warpsph.kernels import clock as ck
+
+
+@pytest.fixture(scope="module")
+def done(tmp_path_factory):
+    """A finished run with an output folder."""
+    folder = tmp_path_factory.mktemp("done") / "run"
+    case = case_of(PERIODIC).replace(
+        {
+            "reference": {
+                "decay": {
+                    "gauge": "energy",
+                    "column": "kinetic",
+                    "reduce": "final",
+                    "value": 0.1,
+                    "allowed": 0.5,
+                },
+                "late": {
+                    "gauge": "energy",
+                    "column": "kinetic",
+                    "reduce": "mean",
+                    "window": [3, 4],
+                    "value": 1,
+                },
+            }
+        }
+    )
+    return Simulation(case, output=folder, threads=1).run()
+
+
+def test_load_replace_run(tmp_path, monkeypatch):
+    """Without an output folder nothing is written anywhere."""
+    save_case(case_of(PERIODIC), tmp_path / "case.yaml")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(output, "RunFolder", None)
+    case = load_case("case.yaml").replace({"end_time": 0.1, "phases.water.viscosity": 0.02})
+    result = warpsph.run(case, threads=1)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["case.yaml"]
+    energy = result.gauge("energy")
+    np.testing.assert_allclose(energy["time"], np.arange(6) * 0.02, rtol=1e-9)
+    assert energy["kinetic"][-1] < 0.95 * energy["kinetic"][0]
+    state = result.state
+    assert state.time == result.model.time == pytest.approx(0.1)
+    assert state.position.shape == state.velocity.shape == (400, 2)
+    np.testing.assert_array_equal(state.particle_id, np.arange(400))
+    with pytest.raises(KeyError, match="no gauge 'heat'"):
+        result.gauge("heat")
+
+
+def test_same_in_memory_and_in_files(done):
+    again = Simulation(done.case, threads=1).run()
+    for name in done.case.gauges:
+        columns, units = read_gauge(done.folder.path / "gauges" / f"{name}.csv")
+        for column, values in again.gauge(name).items():
+            np.testing.assert_array_equal(values, columns[column])
+            assert column in units
+    np.testing.assert_array_equal(again.state.position, done.state.position)
+
+
+def test_runs_in_another_thread():
+    """There signals cannot be watched; the run does without."""
+    result = []
+    case = case_of(PERIODIC, end_time=0.01)
+    thread = threading.Thread(target=lambda: result.append(Simulation(case, threads=1).run()))
+    thread.start()
+    thread.join()
+    assert result[0].summary["status"] == "finished"
+
+
+def test_gauge_while_running(tmp_path, monkeypatch):
+    """Rows written by the writer thread are there as soon as the state is."""
+    monkeypatch.setattr(simulation, "PORTION", 0.0)
+    seen = []
+    case = case_of(PERIODIC, end_time=0.1)
+    run = Simulation(case, output=tmp_path / "run", threads=1)
+    run.run(lambda p: seen.append((p.time, run.gauge("energy")["time"][-1])))
+    assert len(seen) > 5
+    for now, last in seen:
+        assert now - 0.02 * (1 + 1e-9) <= last <= now
+
+
+def test_progress(monkeypatch):
+    monkeypatch.setattr(simulation, "PORTION", 0.0)
+    told = []
+    result = Simulation(case_of(PERIODIC), threads=1).run(told.append)
+    assert [p.step for p in told] == sorted(p.step for p in told)
+    last = told[-1]
+    assert last.time == pytest.approx(0.2) and last.end_time == 0.2 and last.share == pytest.approx(1)
+    assert (
+        last.step == result.summary["steps"]
+        and last.dt > 0
+        and last.seconds_left == pytest.approx(0, abs=1e-6)
+    )
+
+
+def test_second_run_goes_nowhere(done):
+    steps = done.model.steps
+    with pytest.raises(WarpsphError, match="this run is over"):
+        done.run()
+    assert done.model.steps == steps
+
+
+def test_end_reached_within_rounding(monkeypatch):
+    """A last step that ends a rounding error short must end the run."""
+    run = Simulation(case_of(PERIODIC), threads=1)
+    calls = []
+
+    def almost(target, most_steps):
+        calls.append(target)
+        assert len(calls) < 100
+        run.model.stepper.write(clock={ck.TIME: np.nextafter(target, 0.0)})
+
+    monkeypatch.setattr(run.model.stepper, "run", almost)
+    run.run()
+    assert run.gauge("energy")["time"][-1] == np.nextafter(0.2, 0.0)
+
+
+def test_unknown_device():
+    with pytest.raises(CaseError, match="no such device here; choose from: cpu"):
+        Simulation(case_of(PERIODIC), device="cuda:9")
+
+
+def test_summary(done):
+    summary = json.loads((done.folder.path / "summary.json").read_text())
+    assert summary["status"] == "finished" and summary["problem"] is None
+    assert summary["steps"] == done.model.steps > 0
+    assert summary["particles"] == summary["fluid_particles"] + summary["wall_particles"] == 400
+    assert summary["time"] == pytest.approx(0.2)
+    assert 0 < summary["wall_seconds"] < 60
+    assert summary["device"] == "cpu" and summary["precision"] == "float32" and summary["threads"] == 1
+    assert {"kick_drift", "continuity", "momentum", "list: list"} <= summary["timings"].keys()
+    assert 0 < sum(summary["timings"].values()) <= summary["wall_seconds"]
+    assert {"system", "processor", "processors", "python"} <= summary["machine"].keys()
+    assert {"warpsph", "warp-lang", "numpy"} <= summary["versions"].keys()
+    assert 0 < summary["bytes_per_particle"] <= 200
+    decay = summary["errors"]["decay"]
+    last = read_gauge(done.folder.path / "gauges" / "energy.csv")[0]["kinetic"][-1]
+    assert (
+        decay["value"] == last
+        and decay["reference"] == 0.1
+        and decay["error"] == pytest.approx(last / 0.1 - 1)
+    )
+    assert summary["errors"]["late"]["value"] is None and summary["errors"]["late"]["note"]
+
+
+def test_log(done):
+    lines = (done.folder.path / "log.txt").read_text().splitlines()
+    assert lines[0].startswith("warpsph ") and "400 fluid" in lines[0] and "float32" in lines[0]
+    shares = [float(line.split("%")[0]) for line in lines if " %: " in line]
+    assert 5 <= len(shares) <= 20 and shares == sorted(shares)
+    assert any(line.startswith("finished: t = 0.2 s") for line in lines)
+    assert any(line.startswith("decay: ") for line in lines)
+
+
+def test_warnings_reach_the_log(tmp_path):
+    case = case_of(PERIODIC, end_time=0.001, phases__water__sound_speed=2.0)
+    run = Simulation(case, output=tmp_path / "run", threads=1).run()
+    assert any("too low" in line for line in run.summary["warnings"])
+    assert "warning: phases.water.sound_speed" in (tmp_path / "run" / "log.txt").read_text()
+
+
+def test_case_of_the_folder_runs_again(tmp_path):
+    """Reference files are found from where the run folder's case stands."""
+    (tmp_path / "in").mkdir()
+    (tmp_path / "in" / "curve.csv").write_text("t,e\n0,0.2\n1,0.1\n")
+    curve = {"file": "curve.csv", "time": "t", "value": "e"}
+    changes = {
+        "end_time": 0.01,
+        "reference": {"decay": {"gauge": "energy", "column": "kinetic", "curve": curve}},
+    }
+    data = case_of(PERIODIC).to_dict() | changes
+    case = warpsph.Case.from_dict(data, tmp_path / "in")
+    Simulation(case, output=tmp_path / "run", threads=1).run()
+    again = Simulation(load_case(tmp_path / "run" / "case.yaml"), threads=1).run()
+    assert again.summary["errors"]["decay"]["value"] is not None
+
+
+def test_only_due_samples_are_taken(monkeypatch):
+    """Interpolation at points is the dearest gauge: it must not be done for the rows of others."""
+    calls = []
+    original = simulation.sample
+    monkeypatch.setattr(simulation, "sample", lambda *a: calls.append(1) or original(*a))
+    result = Simulation(case_of(PERIODIC), threads=1).run()
+    assert len(calls) == len(result.gauge("probe")["time"]) == 3
+
+
+def test_normals_follow_their_particles():
+    """Ordering the particles anew leaves the written fields and the interface length as they were."""
+    run = Simulation(case_of(FULL, end_time=0.1), threads=1).run()
+    before, length = run.state, run.model.interface_length()
+    run.model.stepper.rebuild()
+    after = run.state
+    assert np.abs(before.normal).max() > 1
+    np.testing.assert_array_equal(after.normal, before.normal)
+    np.testing.assert_array_equal(after.curvature, before.curvature)
+    np.testing.assert_allclose(after.velocity, before.velocity, rtol=1e-12)
+    assert run.model.interface_length() == pytest.approx(length, rel=1e-6)
