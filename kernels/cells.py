@@ -440,7 +440,6 @@ def make_band(spec: Spec) -> tuple[Any, Any]:
         normal: wp.array(dtype=vec),
         interface_weight: wp.array(dtype=real),
         curvature: wp.array(dtype=real),
-        band_curvature: wp.array(dtype=real),
     ):
         i = wp.tid() + first
         mark = int(0)
@@ -466,7 +465,6 @@ def make_band(spec: Spec) -> tuple[Any, Any]:
             interface_weight[i] = real(0.0)
             if wp.static(tension):
                 curvature[i] = real(0.0)
-                band_curvature[i] = real(0.0)
 
     @wp.kernel(module="unique", enable_backward=False)
     def gather_band(

@@ -94,7 +94,6 @@ FIELDS: tuple[Field, ...] = (
     Field("fraction", "real", "fluid", False, _interface, "-", "share of the own phase around a particle"),
     Field("normal", "vec", "fluid", True, _interface, "1/m", "gradient of the own phase's share"),
     Field("interface_weight", "real", "fluid", True, _interface, "-", "(|normal| h)^2, zero away from interfaces"),
-    Field("band_curvature", "real", "fluid", False, _tension, "1/m", "curvature before smoothing"),
     Field("curvature", "real", "fluid", True, _tension, "1/m", "of the interface, positive if the own phase is convex"),
     Field("wall_body", "int32", "wall", True, _walls, "-", "number of the wall body"),
     Field("slip", "uint8", "wall", True, _no_slip, "-", "1 on free-slip walls"),

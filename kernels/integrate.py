@@ -53,7 +53,8 @@ def make_kick_drift(spec: Spec) -> Any:
             v += carried[i]
         velocity[i] = v
         offset[i] = way
-        position[i] = anchor[i] + way
+        x = anchor[i] + way
+        position[i] = x
         # density follows from the velocity in the middle of the step at the positions in the middle of the step: taken at
         # its end, the sweep would see a source of (dt/2) grad v : grad v
         midway[i] = anchor[i] + (way - v_step * real(wp.float64(0.5) * clock[STEP]))
@@ -71,7 +72,8 @@ def make_kick_drift(spec: Spec) -> Any:
         if o2 > maxima[slot * MAXIMA + 2]:
             wp.atomic_max(maxima, slot * MAXIMA + 2, o2)
         limit = real(clock[RUNAWAY])
-        if not (v2 < limit * limit and wp.abs(density_excess[i]) < real(0.9)):  # NaN fails every comparison
+        # NaN fails every comparison; a lost position would leave its particle without neighbours, and unseen
+        if not (v2 < limit * limit and wp.abs(density_excess[i]) < real(0.9) and wp.dot(x, x) < real(1.0e30)):
             wp.atomic_min(faults, slot, i)
 
     return kick_drift

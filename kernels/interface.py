@@ -2,9 +2,10 @@
 
 Everything is seen from a particle's own phase, so that any number of phases needs one number a particle:
     fraction_i  = sum_{j in own phase} W V_j / sum_j W V_j          (Shepard; the own phase is 1 in the bulk)
-    n_i         = sum_j (c_j - fraction_i) grad_i W V_j              c_j the share of i's phase at j: fraction_j or 1 - fraction_j
+    n_i         = sum_j (c_j - fraction_i) grad_i W V_j      c_j: i's phase at j, fraction_j or 1 - fraction_j
     kappa_i     = div(-n/|n|) = tr(M^-1 D)                            positive where the own phase is convex
-    curvature_i = sum_j w_j kappa_j W / sum_j w_j W,  w = (|n| h)^2   one smoothing pass, first ring
+Smoothing the curvature along the interface was tried and left out: a static drop gains nothing by it (jump and spurious
+speed within 10 %), and a moving one loses 8 to 12 % of its kinetic energy at 15 particles a radius.
 Walls take no part: a wall is neutral, which leaves a contact angle of 90 degrees.
 """
 
@@ -136,18 +137,18 @@ def make_normal(spec: Spec) -> Any:
 
 
 @functools.cache
-def make_curvature(spec: Spec) -> tuple[Any, Any]:
-    """Return the kernels (raw curvature over the band, smoothed curvature over the first ring), in 1/m."""
+def make_curvature(spec: Spec) -> Any:
+    """Return the kernel of the interface curvature [1/m], clamped to what the kernel can resolve."""
     real, vec, mat, pair = types_of(spec)
     Params = make_params(spec.dimension, spec.precision)
-    shape, slope = make_smoothing(spec.kernel, spec.precision)
+    _, slope = make_smoothing(spec.kernel, spec.precision)
     separation = separation_of(spec)
     list_begin, list_step = make_entry(spec.row_list)
     d_real = float(spec.dimension)
     smallest_moment = 0.02
 
     @wp.kernel(module="unique", enable_backward=False, module_options=SWEEP_OPTIONS)
-    def raw_curvature(
+    def interface_curvature(
         first: int,
         particle_count: int,
         list_width: int,
@@ -162,7 +163,7 @@ def make_curvature(spec: Spec) -> tuple[Any, Any]:
         state: wp.array(dtype=pair),
         normal: wp.array(dtype=vec),
         interface_weight: wp.array(dtype=real),
-        band_curvature: wp.array(dtype=real),
+        curvature: wp.array(dtype=real),
     ):
         i = wp.tid() + first
         if wp.static(spec.row_list):
@@ -199,52 +200,6 @@ def make_curvature(spec: Spec) -> tuple[Any, Any]:
                 kappa = real(d_real) * wp.trace(spread) / wp.max(wp.trace(moment), real(1.0e-6))
             limit = real(2.0) * params.inv_h
             kappa = wp.clamp(kappa, -limit, limit)
-        band_curvature[i] = kappa
-
-    @wp.kernel(module="unique", enable_backward=False, module_options=SWEEP_OPTIONS)
-    def smooth_curvature(
-        first: int,
-        particle_count: int,
-        list_width: int,
-        params: Params,
-        counters: wp.array(dtype=int),
-        band: wp.array(dtype=int),
-        neighbours: wp.array(dtype=int),
-        fluid_neighbours: wp.array(dtype=wp.int16),
-        flags: wp.array(dtype=wp.uint8),
-        phase: wp.array(dtype=wp.int8),
-        position: wp.array(dtype=vec),
-        interface_weight: wp.array(dtype=real),
-        band_curvature: wp.array(dtype=real),
-        curvature: wp.array(dtype=real),
-    ):
-        i = wp.tid() + first
-        if wp.static(spec.row_list):
-            if i >= counters[BAND_COUNT]:
-                return
-            i = band[i]
-        elif (int(flags[i]) & BAND) == 0:
-            return
-        kappa = real(0.0)
-        if interface_weight[i] > real(0.0):
-            xi = position[i]
-            own = phase[i]
-            weight = interface_weight[i] * shape(real(0.0))
-            total = weight * band_curvature[i]
-            k = list_begin(i, list_width)
-            step = list_step(particle_count)
-            end = k + int(fluid_neighbours[i]) * step
-            while k < end:
-                j = neighbours[k]
-                k += step
-                d = separation(xi, position[j], True, params)
-                w = interface_weight[j] * shape(wp.sqrt(wp.dot(d, d)) * params.inv_h)
-                weight += w
-                if phase[j] == own:
-                    total += w * band_curvature[j]
-                else:
-                    total -= w * band_curvature[j]
-            kappa = total / weight
         curvature[i] = kappa
 
-    return raw_curvature, smooth_curvature
+    return interface_curvature

@@ -34,7 +34,7 @@ class Fluid:
 
 
 def lattice(counts, spacing, jitter=0.0, seed=1, centre=True):
-    """Return the cell centres of a lattice, (n, d), about the origin or from it, moved by jitter * spacing."""
+    """Return the cell centres of a lattice, (n, d), about the origin or from it, moved by jitter."""
     axes = [(np.arange(n) + 0.5) * spacing for n in counts]
     x = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(counts))
     if centre:

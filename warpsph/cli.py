@@ -105,7 +105,7 @@ def run(
         from warpsph.simulation import Simulation
 
         folder = _claim_output(case, output, restart)
-        choices = {"device": device, "threads": threads, "restart": restart}
+        choices: dict[str, Any] = {"device": device, "threads": threads, "restart": restart}
         try:
             simulation = Simulation(
                 loaded, output=folder, **{key: value for key, value in choices.items() if value is not None}

@@ -29,10 +29,11 @@ SHIFT_CAP = 0.01  # longest shift of a step as share of h
 
 def quiet_warp() -> None:
     """Keep Warp from printing its banner and compile lines."""
+    config: Any = wp.config
     if hasattr(wp, "LOG_WARNING"):
-        wp.config.log_level = wp.LOG_WARNING
-    else:
-        wp.config.quiet = True
+        config.log_level = wp.LOG_WARNING
+    else:  # before Warp 1.13
+        config.quiet = True
     wp.init()
 
 

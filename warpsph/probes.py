@@ -57,7 +57,7 @@ def _values(fluid: Snapshot, name: str) -> np.ndarray:
 def _at(point: np.ndarray, fluid: Snapshot, values: np.ndarray, support: float, box: Sequence[float]) -> np.ndarray:
     # axis by axis, so that most particles are dropped after one comparison
     rows = np.arange(len(fluid))
-    offsets = []
+    offsets: list[np.ndarray] = []
     for axis, period in enumerate(box):
         d = fluid.position[rows, axis] - point[axis]
         if period > 0:

@@ -51,8 +51,8 @@ class Stepper:
         self.particles = particles
         self.launcher = launcher
         device = launcher.device
-        self.clock = wp.array(clock, dtype=wp.float64, device=device)
-        self.counters = wp.array(counters, dtype=int, device=device)
+        self.clock: Any = wp.array(clock, dtype=wp.float64, device=device)
+        self.counters: Any = wp.array(counters, dtype=int, device=device)
         self.maxima = wp.zeros(ck.MAXIMA * launcher.threads, dtype=types_of(spec).real, device=device)
         self.faults = wp.full(launcher.threads, ck.NO_PARTICLE, dtype=int, device=device)
         blocks = BLOCKS[launcher.is_cpu] if spec.volume_constraint else 0

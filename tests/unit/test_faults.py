@@ -32,7 +32,7 @@ ROOT = Path(__file__).resolve().parents[2]
 @pytest.fixture(scope="module")
 def long_case():
     """About a second of computing, and many outputs."""
-    return case_of(FULL, end_time=2.0, numerics__courant=0.2)
+    return case_of(FULL, end_time=1.2, numerics__courant=0.2)
 
 
 @pytest.fixture(scope="module")
@@ -92,12 +92,12 @@ def last_step(run: Path) -> int:
 
 
 def test_kill_at_any_moment(long_case, undisturbed, tmp_path):
-    """Killed three times and restarted: at most one interval is lost, and the end is the same bit by bit."""
+    """Killed twice and restarted: at most one interval is lost, and the end is the same bit by bit."""
     run, case = tmp_path / "run", tmp_path / "case.yaml"
     save_case(long_case, case)
     arguments = ["run", case, "--output", run, "--threads", "1"]
     luck = random.Random()
-    for _ in range(3):
+    for _ in range(2):
         before = last_step(run)
         process = start(*arguments)
         wait_for(lambda before=before: last_step(run) > before, process)
@@ -129,15 +129,14 @@ def test_ctrl_c(long_case, undisturbed, tmp_path):
     assert process.returncode == 130
     assert "Traceback" not in err and f"--restart {run}" in err and "Ctrl-C" in err
     summary = json.loads((run / "summary.json").read_text())
-    assert summary["status"] == "interrupted" and 0 < summary["time"] < 2.0
+    assert summary["status"] == "interrupted" and 0 < summary["time"] < 1.2
     assert last_step(run) == summary["steps"]
     assert_whole(run)
     Simulation(long_case, output=run, restart=run, threads=1).run()
     assert_same_results(undisturbed, run)
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-@pytest.mark.parametrize("moment", [0.1, 0.7512])
+@pytest.mark.parametrize(("number", "moment"), [(signal.SIGINT, 0.1), (signal.SIGINT, 0.7512), (signal.SIGTERM, 0.1)])
 def test_signal(long_case, undisturbed, tmp_path, monkeypatch, number, moment):
     """At an output time and between two, pressed again and again, also while the checkpoint is written.
 
@@ -227,6 +226,20 @@ def test_not_finite(tmp_path, monkeypatch, field, value):
     with pytest.raises(DivergenceError) as caught:
         run.run(spoil(run, field, 123, value, 0.11))
     assert_told(caught.value, tmp_path / "run", 0.11)
+    if field not in ("density_excess", "state"):  # these reach the neighbours before they are looked at
+        assert caught.value.particle == 123
+
+
+def test_lost_particle_is_seen():
+    """Without a place a particle has no neighbours, and nothing but its position tells that it is lost."""
+    run = Simulation(case_of(PERIODIC), threads=1)
+    run.model.stepper.run(1.0, 5)
+    spoil(run, "offset", 123, np.nan, -1.0)(run.model)
+    run.model.stepper.rebuild()
+    run.model.stepper.run(1.0, 5)
+    assert run.model.steps == 6
+    with pytest.raises(DivergenceError, match="particle 123 at .nan, nan. has position not finite"):
+        run.run()
 
 
 def test_runaway_speed(tmp_path, monkeypatch):
@@ -344,9 +357,7 @@ def small_disk(tmp_path):
     def mount(kilobytes: int) -> Path:
         folder = tmp_path / f"disk{len(mounted)}"
         folder.mkdir()
-        done = subprocess.run(
-            ["mount", "-t", "tmpfs", "-o", f"size={kilobytes}k", "tmpfs", folder], capture_output=True
-        )
+        done = subprocess.run(["mount", "-t", "tmpfs", "-o", f"size={kilobytes}k", "tmpfs", folder], capture_output=True)
         if done.returncode != 0:
             pytest.skip("mounting is not allowed here")
         mounted.append(folder)
@@ -359,7 +370,7 @@ def small_disk(tmp_path):
         subprocess.run(["umount", folder], check=True)
 
 
-@pytest.mark.parametrize("kilobytes", [24, 72, 128, 200, 276, 352])
+@pytest.mark.parametrize("kilobytes", [24, 72, 150, 250])
 def test_full_disk(undisturbed, long_case, small_disk, tmp_path, kilobytes):
     """Whatever file is the first that does not fit. With more room the run goes on, or starts anew."""
     disk = small_disk(kilobytes)
@@ -382,9 +393,7 @@ def test_full_disk_at_a_file(tmp_path, monkeypatch, part):
     replace = os.replace
 
     def refuse(source, target):
-        if Path(target).name.startswith(part) and (
-            part != "fluid.pvd" or frames.append(1) or len(frames) > 2
-        ):
+        if Path(target).name.startswith(part) and (part != "fluid.pvd" or frames.append(1) or len(frames) > 2):
             raise OSError(errno.ENOSPC, "No space left on device")
         replace(source, target)
 
@@ -455,9 +464,7 @@ def test_folder_in_use(tmp_path):
     with pytest.raises(OutputError, match="not empty"):
         Simulation(case_of(PERIODIC), output=tmp_path / "run", threads=1)
     first.run()
-    second = Simulation(
-        case_of(PERIODIC, end_time=0.3), output=tmp_path / "run", restart=tmp_path / "run", threads=1
-    )
+    second = Simulation(case_of(PERIODIC, end_time=0.3), output=tmp_path / "run", restart=tmp_path / "run", threads=1)
     before = (tmp_path / "run" / "gauges" / "energy.csv").read_bytes()
     with pytest.raises(OutputError, match="another run is writing"):
         Simulation(case_of(PERIODIC), output=tmp_path / "run", restart=tmp_path / "run", threads=1)

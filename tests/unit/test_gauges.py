@@ -145,6 +145,7 @@ def test_momentum_in_2d_and_3d():
         "momentum_y": -8.0,
         "angular_z": 2 * (1 * -4 - 2 * 3) - 1 * 2.0,
         "scale": 12.0,
+        "max_speed": 5.0,
     }
     case = make_case({"m": {"type": "momentum", "interval": 0.1}}, 3, particle_spacing=0.2)
     row = measure(case, make_snapshot([[1, 2, 3]], velocity=np.array([[4.0, 5.0, 6.0]])))

@@ -7,6 +7,7 @@ import pytest
 
 from tests.helpers import Bench, Fluid, lattice
 from warpsph.kernels.spec import Spec
+from warpsph.schemes import riemann
 
 SPEC = Spec(dimension=2, precision="float64", multiphase=True, tension="pressure_jump", interface=True)
 SPEC_3D = dataclasses.replace(SPEC, dimension=3, periodic=(False,) * 3)
@@ -107,6 +108,27 @@ def test_no_interface_in_the_bulk(circle):
     assert (weight[away] == 0).all() and (bench.get("curvature")[away] == 0).all()
     assert (bench.get("normal")[away] == 0).all()
     assert (weight[np.abs(r - 20) < 0.5] > 0).all()
+
+
+def test_weak_normals_do_not_count(circle):
+    """Below |n| h = 0.01 the direction of a normal means nothing."""
+    bench, _, _ = circle
+    weight, strength = bench.get("interface_weight"), np.linalg.norm(bench.get("normal"), axis=1) * bench.h
+    assert ((strength > 0) & (strength < 0.01)).any()
+    np.testing.assert_allclose(weight, np.where(strength < 0.01, 0.0, strength**2), rtol=1e-12)
+
+
+def test_curvature_in_a_narrow_band(device):
+    """Exact normals on a thin ring: particles without normals on either side do not lower the divergence."""
+    bench, x, r = drop(20.0, device=device)
+    inside = bench.get("phase") == 0
+    ring = np.abs(r - 20) < 1.2
+    bench.put("normal", np.where(inside, -1.0, 1.0)[:, None] * x / r[:, None])
+    bench.put("interface_weight", ring.astype(float))
+    bench.run(*(stage for stage in riemann.before_momentum(bench.spec) if stage.name == "raw_curvature"))
+    outward = np.where(inside, 1, -1) * bench.get("band_curvature")
+    np.testing.assert_allclose(outward[ring], 1 / r[ring], rtol=0.03)
+    assert (outward[~ring] == 0).all()
 
 
 def test_a_flat_interface_has_no_curvature(device):

@@ -29,7 +29,7 @@ FIELDS = {
 STAGES = {
     "walls": ["wall_state"],
     "tension": ["own_fraction", "colour_normal", "raw_curvature", "smooth_curvature"],
-    "volume constraint": ["volume", "volume_close"],
+    "volume constraint": ["volume", "volume_fold", "volume_close"],
 }
 KERNELS = {
     "walls": {"wall_state"},
@@ -135,9 +135,7 @@ def test_one_piece_less(physics, changes, fields, stages):
     gone = set(full["structure"]["fields"]) - set(less["structure"]["fields"])
     assert gone == {field for name in fields for field in FIELDS[name]}
     names = [[stage["name"] for stage in plan["stages"]] for plan in (full, less)]
-    assert [name for name in names[0] if name not in names[1]] == [
-        stage for name in stages for stage in STAGES[name]
-    ]
+    assert [name for name in names[0] if name not in names[1]] == [stage for name in stages for stage in STAGES[name]]
     # what `show` tells is what runs
     model = Simulation(case_of(FULL).replace(changes), threads=1).model
     assert [task.name for task in model.stepper.step_tasks] == names[1]

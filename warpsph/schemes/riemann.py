@@ -72,12 +72,10 @@ def before_momentum(spec: Spec) -> list[Stage]:
     if spec.walls:
         stages.append(Stage("wall_state", make_wall(spec), "wall", "pressure and mirrored velocity of the walls"))
     if spec.tension != "none":
-        raw, smooth = make_curvature(spec)
         stages += [
             Stage("own_fraction", make_fraction(spec), "band", "colour for the surface tension"),
             Stage("colour_normal", make_normal(spec), "band", "interface normals"),
-            Stage("raw_curvature", raw, "band", "interface curvature"),
-            Stage("smooth_curvature", smooth, "band", "curvature smoothed along the interface"),
+            Stage("curvature", make_curvature(spec), "band", "interface curvature for the pressure jump"),
         ]
     return stages
 
@@ -92,7 +90,7 @@ def absent(spec: Spec) -> list[Absent]:
     if not spec.multiphase:
         rows.append(Absent("interface pairs", "a single phase"))
     if spec.tension == "none":
-        rows.append(Absent("own_fraction, colour_normal, raw_curvature, smooth_curvature", "no surface tension"))
+        rows.append(Absent("own_fraction, colour_normal, curvature", "no surface tension"))
     if spec.viscosity == "none":
         rows.append(Absent("viscous term", "all viscosities are zero"))
     if not spec.gravity:

@@ -1,0 +1,121 @@
+"""The case files: each is valid and runs; `--validate` runs each in full and holds it to the accuracy asked for."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from warpsph.case import Case
+from warpsph.simulation import Simulation
+
+FOLDER = Path(__file__).parents[2] / "cases"
+NAMES = sorted(path.stem for path in FOLDER.glob("*.yaml"))
+
+# A spacing at which a start is a matter of seconds, where the one of the file is not.
+COARSE = {"dam_break_3d": 0.03}
+
+
+def load(name, **changes) -> Case:
+    case = Case.load(FOLDER / f"{name}.yaml")
+    return case.replace({key.replace("__", "."): value for key, value in changes.items()}) if changes else case
+
+
+def errors(folder, name, **changes) -> dict[str, dict]:
+    """Run a case in full; its comparisons by name, and none of them without a number."""
+    simulation = Simulation(load(name, **changes), output=folder / "run", threads=1).run()
+    found = simulation.summary["errors"]
+    assert all(entry["error"] is not None and math.isfinite(entry["error"]) for entry in found.values()), found
+    return found
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_file_is_valid_and_says_what_it_is(name):
+    text = (FOLDER / f"{name}.yaml").read_text(encoding="utf-8")
+    assert text.startswith("# ") and "# Look at: " in text and "# Takes about " in text
+    case = load(name)
+    assert case.title
+    assert case.reference, "a case is compared with something"
+    assert all(entry.source for entry in case.reference.values())
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_case_starts(name, tmp_path):
+    case = load(name)
+    coarse = COARSE.get(name)
+    end = 1e-3 * case.end_time
+    changes = {"end_time": end, "numerics.maximum_step": end / 4}
+    if coarse is not None:
+        changes["particle_spacing"] = coarse
+    simulation = Simulation(case.replace(changes), output=tmp_path / "run", threads=1).run()
+    assert simulation.summary["steps"] >= 4
+    state = simulation.state.fluid
+    assert np.isfinite(state.velocity).all() and np.isfinite(state.pressure).all()
+    assert list(simulation.summary["errors"]) == list(case.reference)
+
+
+# -- in full -----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("precision", ["float32", "float64"])
+@pytest.mark.parametrize(
+    "name",
+    [name for name in NAMES if name not in ("dam_break_3d", "square_droplet", "static_droplet", "oscillating_drop")],
+)
+def test_errors_stay_within_what_the_file_allows(name, precision, tmp_path):
+    for quantity, entry in errors(tmp_path, name, precision=precision).items():
+        assert entry["passed"] is not False, (quantity, entry)
+
+
+@pytest.mark.slow
+def test_channel_errors_fall_at_second_order(tmp_path):
+    coarse = errors(tmp_path / "40", "poiseuille")["profile"]["error"]
+    fine = errors(tmp_path / "80", "poiseuille", particle_spacing=1e-3 / 80)["profile"]["error"]
+    assert fine < 0.4 * coarse
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["taylor_green", "taylor_green_lattice"])
+def test_taylor_green_at_twice_the_resolution(name, tmp_path):
+    coarse = errors(tmp_path / "50", name)
+    fine = errors(tmp_path / "100", name, particle_spacing=0.01)
+    assert abs(fine["decay"]["error"]) < 0.01
+    assert fine["speed_l1"]["error"] < coarse["speed_l1"]["error"]
+
+
+@pytest.mark.slow
+def test_the_lattice_start_of_taylor_green_is_not_several_times_worse(tmp_path):
+    noisy = errors(tmp_path / "noisy", "taylor_green")["speed_l1"]["error"]
+    lattice = errors(tmp_path / "lattice", "taylor_green_lattice")["speed_l1"]["error"]
+    assert lattice < 3 * noisy
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["hydrostatic_tank", "layered_tank"])
+def test_a_tank_at_rest_does_not_drift(name, tmp_path):
+    simulation = Simulation(load(name), output=tmp_path / "run", threads=1).run()
+    energy = simulation.gauge("energy")
+    early = energy["potential"][np.searchsorted(energy["time"], 1.6)]
+    assert abs(energy["potential"][-1] - early) < 1e-4 * early
+    speed = simulation.gauge("momentum")
+    late = speed["max_speed"][speed["time"] >= 1.6]
+    assert late.max() < 2e-3 * math.sqrt(9.81)
+
+
+@pytest.mark.slow
+def test_the_standing_wave_converges(tmp_path):
+    coarse = errors(tmp_path / "40", "standing_wave")["wave"]["error"]
+    fine = errors(tmp_path / "80", "standing_wave", particle_spacing=1 / 80)["wave"]["error"]
+    assert fine < coarse
+
+
+@pytest.mark.slow
+def test_the_dam_break_keeps_its_energy_and_its_water(tmp_path):
+    simulation = Simulation(load("dam_break"), output=tmp_path / "run", threads=1).run()
+    energy = simulation.gauge("energy")
+    assert energy["total"].max() < 1.01 * energy["total"][0]
+    inside = simulation.state.fluid.position
+    assert (inside[:, 1] > 0).all()
+    low = inside[inside[:, 1] < 0.876]
+    assert ((low[:, 0] > 0) & (low[:, 0] < 0.584)).all()
