@@ -179,6 +179,14 @@ def make_momentum(spec: Spec) -> Any:
                 f = slope(wp.sqrt(r2) * params.inv_h) * params.wall_volume
                 fd = f * d
                 p_wall = state[j][0]
+                if wp.static(spec.multiphase):
+                    # the one-sided state of this particle's own fluid: extrapolated from several fluids at a contact
+                    # line, the wall would pull the light one with the weight of the heavy one
+                    p_wall = p_i
+                    if wp.static(spec.gravity):
+                        p_wall -= own.density * wp.dot(params.gravity, d)
+                    if wp.static(spec.free_surface):
+                        p_wall = wp.max(p_wall, real(0.0))
                 if wp.static(spec.corrected):
                     moment -= wp.outer(d, fd)
                     own_sum += (p_wall - p_i) * fd

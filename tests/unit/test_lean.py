@@ -22,26 +22,19 @@ FIELDS = {
     "second phase": {"phase"},
     "walls": {"wall_body", "wall_neighbours"},
     "friction on walls": {"slip", "mirror_velocity"},
-    "tension": {"fraction", "normal", "interface_weight", "band_curvature", "curvature"},
+    "tension": {"fraction", "normal", "interface_weight", "curvature"},
     "interface band": {"band_mark", "band_sum", "band"},
     "shift": {"shift", "carried"},
 }
 STAGES = {
     "walls": ["wall_state"],
-    "tension": ["own_fraction", "colour_normal", "raw_curvature", "smooth_curvature"],
+    "tension": ["own_fraction", "colour_normal", "curvature"],
     "volume constraint": ["volume", "volume_fold", "volume_close"],
 }
 KERNELS = {
     "walls": {"wall_state"},
-    "tension": {
-        "own_fraction",
-        "colour_normal",
-        "raw_curvature",
-        "smooth_curvature",
-        "mark_band",
-        "gather_band",
-    },
-    "volume constraint": {"sum_volume", "close_volume"},
+    "tension": {"own_fraction", "colour_normal", "interface_curvature", "mark_band", "gather_band"},
+    "volume constraint": {"sum_volume", "fold_volume", "close_volume"},
 }
 
 
