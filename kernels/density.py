@@ -60,6 +60,8 @@ def make_continuity(spec: Spec) -> Any:
     laplace_jump = make_jump(spec.precision)
     periodic = any(spec.periodic)
     jumps = spec.tension == "pressure_jump"
+    spray = spec.free_surface and not spec.multiphase
+    sparse = 0.4 * spec.dimension  # of `crowd`: fewer neighbours than a particle on a free surface has
 
     @wp.kernel(module="unique", enable_backward=False, module_options=SWEEP_OPTIONS)
     def continuity(
@@ -100,9 +102,10 @@ def make_continuity(spec: Spec) -> Any:
             flag = int(flags[i])
             wrapped = (flag & WRAPPED) != 0
             near = (flag & NEAR) != 0
-        inv_z = params.dissipation / own.impedance
+        inv_z = own.mobility  # a quotient here would be pushed into the pair loop by the compiler
 
         rate = real(0.0)
+        crowd = real(0.0)  # -sum F V r^2: the dimension inside a fluid, about half of it on a free surface
         k = list_begin(i, list_width)
         step = list_step(particle_count)
         end = k + int(fluid_neighbours[i]) * step
@@ -157,6 +160,8 @@ def make_continuity(spec: Spec) -> Any:
                     dp -= own.density * wp.dot(params.gravity, d)
                 term += dp * r * inv_z
             rate += f * term
+            if wp.static(spray):
+                crowd -= f * r * r
         if wp.static(spec.walls):
             # one-sided Riemann problem: the mirrored state makes u* the wall velocity, no pressure difference left
             end += int(wall_neighbours[i]) * step
@@ -169,6 +174,10 @@ def make_continuity(spec: Spec) -> Any:
 
         s = density_excess[i]
         s += real(clock[STEP]) * (real(1.0) + s) * params.g_norm * rate
+        if wp.static(spray):
+            # with hardly a fluid neighbour a density below rest is memory, not tension, and would draw spray into walls
+            if crowd * params.g_norm < real(sparse):
+                s = wp.max(s, real(0.0))
         density_excess[i] = s
         state[i] = pair(eos(s, own.stiffness, own.gamma) + own.background, rest_volume[i] / (real(1.0) + s))
 

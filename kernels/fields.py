@@ -97,6 +97,7 @@ FIELDS: tuple[Field, ...] = (
     Field("curvature", "real", "fluid", True, _tension, "1/m", "of the interface, positive if the own phase is convex"),
     Field("wall_body", "int32", "wall", True, _walls, "-", "number of the wall body"),
     Field("slip", "uint8", "wall", True, _no_slip, "-", "1 on free-slip walls"),
+    Field("wall_depth", "real", "wall", True, _no_slip, "m", "distance of a wall particle from the surface; 0: unknown"),
     Field("mirror_velocity", "vec", "wall", True, _no_slip, "m/s", "velocity that friction on the wall sees"),
     Field("fluid_neighbours", "int16", "all", False, _always, "-", "fluid particles in the list"),
     Field("wall_neighbours", "int16", "fluid", False, _walls, "-", "wall particles in the list, after the fluid"),

@@ -184,14 +184,15 @@ def make_momentum(spec: Spec) -> Any:
                     # line, the wall would pull the light one with the weight of the heavy one
                     p_wall = p_i
                     if wp.static(spec.gravity):
-                        p_wall -= own.density * wp.dot(params.gravity, d)
-                    if wp.static(spec.free_surface):
-                        p_wall = wp.max(p_wall, real(0.0))
+                        p_wall -= rho_i * wp.dot(params.gravity, d)
                 if wp.static(spec.corrected):
                     moment -= wp.outer(d, fd)
                     own_sum += (p_wall - p_i) * fd
                 else:
-                    pressure_sum += (p_wall + p_i) * fd
+                    p_both = p_wall + p_i
+                    if wp.static(spec.free_surface):
+                        p_both = wp.max(p_both, real(0.0))  # a wall does not hold back a fluid that leaves it
+                    pressure_sum += p_both * fd
                     if wp.static(spec.shifting):
                         own_sum += (p_wall - p_i) * fd
                 if wp.static(spec.shifting):
@@ -218,11 +219,15 @@ def make_momentum(spec: Spec) -> Any:
                 gradient = inverse * gradient
                 if wp.static(spec.shifting):
                     shear = shear * inverse
-                    if wp.static(viscous):
+                    if wp.static(spec.viscosity == "morris" or spec.viscosity == "radial"):
                         # Both forms are exact for a quadratic field on an even arrangement: take out what an uneven one
                         # makes of a linear field, and divide by the second moment (methods 0.2, column L).
                         if not near:
-                            viscous_sum -= (own.viscosity) * (real(2.0) * (shear * even))
+                            linear = shear * even
+                            if wp.static(spec.viscosity == "radial"):
+                                # exact for rotation and dilation; a strain leaves the traceless part of a third moment
+                                linear = linear + wp.transpose(shear) * even + wp.trace(shear) * even
+                            viscous_sum -= (real(2.0) * own.viscosity) * linear
                             viscous_sum = viscous_sum * (real(dimension) / wp.trace(m))
             a = total * (real(-1.0) / rho_i)
         else:

@@ -49,5 +49,6 @@ def make_phase(precision: str) -> Any:
         viscosity: real  # dynamic viscosity mu [Pa s]
         impedance: real  # Z = rho0 c [kg/(m^2 s)]
         compressibility: real  # 1/(rho0 c^2) [1/Pa]
+        mobility: real  # theta/Z, star velocity for a pressure difference [m/(s Pa)]
 
     return Phase

@@ -1,6 +1,9 @@
 """Wall particles: pressure and mirrored velocity extrapolated from the fluid (methods A5, Adami 2012).
 
-    p_w = sum_f (p_f + rho_f g.(x_w - x_f)) W / sum_f W ;   v_mirror = 2 v_w - sum_f v_f W / sum_f W
+    p_w = sum_f (p_f + rho_f g.(x_w - x_f)) W / sum_f W
+    v_mirror = v_w + (v_w - <v>) depth / (<distance> - depth),  <.> = sum_f . W / sum_f W
+
+depth is how far the wall particle is behind the surface; where it is not known (obstacles) v_mirror = 2 v_w - <v>.
 """
 
 import functools
@@ -37,7 +40,9 @@ def make_wall(spec: Spec) -> Any:
         phase: wp.array(dtype=wp.int8),
         position: wp.array(dtype=vec),
         velocity: wp.array(dtype=vec),
+        rest_volume: wp.array(dtype=real),
         state: wp.array(dtype=pair),
+        wall_depth: wp.array(dtype=real),
         mirror_velocity: wp.array(dtype=vec),
     ):
         w = wp.tid() + first
@@ -46,6 +51,7 @@ def make_wall(spec: Spec) -> Any:
         p = real(0.0)
         v = vec()
         weight = real(0.0)
+        reach = vec()
         k = list_begin(i, list_width)
         step = list_step(particle_count)
         end = k + count * step
@@ -55,20 +61,31 @@ def make_wall(spec: Spec) -> Any:
             k += step
             d = separation(xi, position[j], True, params)
             w_ij = shape(wp.sqrt(wp.dot(d, d)) * params.inv_h)
-            term = state[j][0]
+            state_j = state[j]
+            term = state_j[0]
             if wp.static(spec.gravity):
                 own = int(0)
                 if wp.static(spec.multiphase):
                     own = int(phase[j])
-                term += phases[own].density * wp.dot(params.gravity, d)
+                # the density it has, not that at rest: else the first row sinks into the floor
+                rho = phases[own].density * rest_volume[j] / state_j[1]
+                term += rho * wp.dot(params.gravity, d)
             p += term * w_ij
             weight += w_ij
             if wp.static(spec.wall_no_slip):
                 v += velocity[j] * w_ij
+                reach += d * w_ij
         own_velocity = velocity[i]
-        if weight > real(1.0e-6):
+        if weight > real(1.0e-20):
             p = p / weight
-            v = own_velocity * real(2.0) - v / weight
+            # the mean velocity is that at the mean distance: continued in a straight line through the surface of the wall,
+            # where the fluid has the wall's velocity
+            ratio = real(1.0)
+            if wp.static(spec.wall_no_slip):
+                depth = wall_depth[w]
+                if depth > real(0.0):
+                    ratio = depth / wp.max(wp.length(reach) / weight - depth, real(0.25) * params.spacing)
+            v = own_velocity + (own_velocity - v / weight) * ratio
         else:
             p = real(0.0)
             v = own_velocity

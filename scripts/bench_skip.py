@@ -4,7 +4,7 @@
 
 The scenes, each without one piece more than the one before: two phases 1000:1 with surface tension, walls, viscosity and
 gravity; sigma = 0; a single phase; inviscid; no gravity; periodic instead of walls; the conservative pressure gradient.
-Same fluid particles, spacing, smoothing length (1.25 dx), start velocity and sound speed, float32.
+Same spacing, smoothing length (1.25 dx), start velocity and sound speed, float32; a walled scene has wall particles on top.
 
 The last one is compared with the same step written by hand in this file: four kernels without any option, their numbers
 plain arguments, launched with nothing in between (on CUDA: one graph of all steps). It runs on the arrays and the
@@ -178,7 +178,7 @@ def hand_sweeps(by_rows: bool) -> tuple[Any, Any]:
         width: int,
         inv_h: float,
         g_norm: float,
-        impedance: float,
+        inv_impedance: float,
         stiffness: float,
         gamma: float,
         box: wp.vec2,
@@ -199,8 +199,7 @@ def hand_sweeps(by_rows: bool) -> tuple[Any, Any]:
         vi = velocity[i]
         p_i = state_old[i][0]
         wrapped = int(flags[i]) != 0
-        inv_z = 1.0 / impedance
-        rate = float(0.0)
+        rate = wp.float32(0.0)
         if wp.static(by_rows):
             k = i * width
             step = 1
@@ -220,7 +219,7 @@ def hand_sweeps(by_rows: bool) -> tuple[Any, Any]:
             f = slope(r * inv_h) * state_j[1]
             term = wp.dot(vi - velocity[j], d)
             dp = p_i - state_j[0]
-            term += dp * r * inv_z
+            term += dp * r * inv_impedance
             rate += f * term
         s = density_excess[i]
         s += float(clock[ck.STEP]) * (1.0 + s) * g_norm * rate
@@ -300,7 +299,7 @@ class HandStep:
             "width": stepper.list.width,
             "inv_h": params.inv_h,
             "g_norm": params.g_norm,
-            "impedance": phase.density * model.physics.sound_speed[0],
+            "inv_impedance": 1.0 / (phase.density * model.physics.sound_speed[0]),
             "stiffness": stiffness,
             "gamma": phase.gamma,
             "density": phase.density,
@@ -347,9 +346,7 @@ class HandStep:
     def run(self, steps: int) -> None:
         """Do the steps; the list must outlast them."""
         stepper = self.model.stepper
-        stepper.write(
-            clock={ck.TARGET: FOREVER}, counters={ck.STEP_LIMIT: int(stepper.read()[1][ck.STEPS]) + steps}
-        )
+        stepper.write(clock={ck.TARGET: FOREVER}, counters={ck.STEP_LIMIT: int(stepper.read()[1][ck.STEPS]) + steps})
         stepper.restart_clock.run()
         if not self.model.launcher.is_cpu:
             if steps not in self.graphs:
@@ -357,6 +354,7 @@ class HandStep:
                     self._steps(steps)
                 self.graphs[steps] = capture.graph
             wp.capture_launch(self.graphs[steps])
+            stepper.read()  # as the package does to see how far it came
         else:
             self._steps(steps)
 
@@ -453,13 +451,12 @@ def compare(bench: Bench, hand: HandStep) -> dict[str, Any]:
     start = bench.state_after(lambda _: None, 0)
     apart = {}
     for name in ("position", "velocity", "density_excess", "acceleration"):
-        scale = float(np.abs(package[name]).max()) * np.finfo(np.float32).eps
+        scale = float(np.abs(package[name]).max()) * float(np.finfo(np.float32).eps)
         apart[name] = float(np.abs(package[name] - own[name]).max()) / scale if scale > 0 else 0.0
     return {
         "steps": steps,
         "moved": float(np.abs(package["position"] - start["position"]).max()),
-        "identical": all(np.array_equal(package[name], own[name]) for name in package if name != "counters")
-        and package["counters"][ck.STEPS] == own["counters"][ck.STEPS] == start["counters"][ck.STEPS] + steps,
+        "identical": all(np.array_equal(package[name], own[name]) for name in package if name != "counters"),
         "roundings": apart,
     }
 
@@ -491,9 +488,7 @@ def row_of(name: str, bench: Bench, times: list[tuple[float, float]]) -> dict[st
 
 def measure(device: str, threads: int, particles: int, rounds: int, window: int) -> dict[str, Any]:
     """Measure all scenes in turns; return their rows, from the full scene to the hand-written step, and the comparison."""
-    benches = {
-        name: Bench(data, device, threads, window) for name, data in scenes(max(8, round(particles**0.5))).items()
-    }
+    benches = {name: Bench(data, device, threads, window) for name, data in scenes(max(8, round(particles**0.5))).items()}
     lean = benches["leanest"]
     hand = HandStep(lean.model)
     check = compare(lean, hand)
@@ -563,7 +558,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--threads", type=int, nargs="+", default=[1], help="of a CPU device")
     parser.add_argument("--particles", type=int, default=10_000, help="fluid particles, about")
     parser.add_argument("--rounds", type=int, default=9)
-    parser.add_argument("--window", type=int, default=40, help="steps in a measurement")
+    parser.add_argument("--window", type=int, default=40, help="steps in a measurement, fewer if the list does not last")
     parser.add_argument("--json", type=Path, help="write what was measured to a file")
     given = parser.parse_args(arguments)
     quiet_warp()

@@ -46,9 +46,7 @@ def evaluate(function, precision, *columns, device="cpu"):
     """Return a `wp.func` of reals, evaluated for each row of equally long columns, as float64 (n,)."""
     real = {"float32": wp.float32, "float64": wp.float64}[precision]
     count = len(columns)
-    table = wp.array(
-        np.stack([np.asarray(c, dtype=float) for c in columns], axis=1), dtype=real, device=device
-    )
+    table = wp.array(np.stack([np.asarray(c, dtype=float) for c in columns], axis=1), dtype=real, device=device)
     out = wp.zeros(table.shape[0], dtype=real, device=device)
 
     if count == 1:
@@ -146,10 +144,7 @@ class Setup:
         every = np.concatenate([position, walls])
         self.lower = np.min(every, axis=0) if lower is None else full(lower, d)
         self.upper = np.max(every, axis=0) if upper is None else full(upper, d)
-        self.box = [
-            float(u - low) if p else 0.0
-            for low, u, p in zip(self.lower, self.upper, spec.periodic, strict=True)
-        ]
+        self.box = [float(u - low) if p else 0.0 for low, u, p in zip(self.lower, self.upper, spec.periodic, strict=True)]
         self.h = ratio * spacing
         self.support = self.h * KERNELS[spec.kernel].support
         self.half_skin = 0.5 * skin * self.support
@@ -202,6 +197,7 @@ class Setup:
             row.stiffness = fluid.density * fluid.sound_speed**2 / fluid.gamma
             row.impedance = fluid.density * fluid.sound_speed
             row.compressibility = 1.0 / (fluid.density * fluid.sound_speed**2)
+            row.mobility = dissipation / (fluid.density * fluid.sound_speed)
             rows.append(row)
         matrix = np.full((len(fluids), len(fluids)), float(tension))
         self.values = {
@@ -355,9 +351,7 @@ class Bench(Setup):
     def acceleration(self, dt=1.0):
         """Run the momentum sweep; return the acceleration, (fluid, d) [m/s^2]."""
         self.set_clock(STEP=dt)
-        self.launcher.task(
-            "momentum", make_momentum(self.spec), self.particles.fluid_count, self.bindings
-        ).run()
+        self.launcher.task("momentum", make_momentum(self.spec), self.particles.fluid_count, self.bindings).run()
         return self.get("acceleration")
 
     def density_rate(self):
@@ -368,9 +362,7 @@ class Bench(Setup):
         # the sweep of a step is centred: here nothing moves, so its middle is where the particles are
         self.particles.put("midway", self.particles.get("position")[: self.particles.fluid_count])
         self.set_clock(STEP=1.0)
-        task = self.launcher.task(
-            "continuity", make_continuity(self.spec), self.particles.fluid_count, self.bindings
-        )
+        task = self.launcher.task("continuity", make_continuity(self.spec), self.particles.fluid_count, self.bindings)
         task.run()
         rate = (self.get("density_excess") - excess) / (1.0 + excess)
         for name, values in before.items():

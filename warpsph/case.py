@@ -1182,7 +1182,7 @@ def _automatic_choices(case: Case) -> dict[str, Any]:
     gradient = numerics.pressure_gradient
     if gradient == "auto":
         gradient = "conservative" if paper or case.has_open_sides else "corrected"
-    viscosity = "paper" if paper else "radial" if case.has_surface_tension else "morris"
+    viscosity = "paper" if paper else "radial" if case.has_surface_tension or case.has_open_sides else "morris"
     choices = {
         "pressure_gradient": gradient,
         "star_states": "arithmetic" if paper else "weighted",

@@ -100,6 +100,10 @@ class Model:
             particles.put("phase", phase)
         if "wall_body" in particles.arrays:
             particles.put("wall_body", geometry.body[nf:])
+        if "wall_depth" in particles.arrays:
+            lattice, wall = geometry.lattice, geometry.position[nf:]
+            beyond = np.maximum(np.maximum(np.array(lattice.lower) - wall, wall - np.array(lattice.upper)), 0.0)
+            particles.put("wall_depth", np.linalg.norm(beyond, axis=1))
         if "slip" in particles.arrays:
             particles.put("slip", geometry.wall_slip[nf:])
 
@@ -141,6 +145,7 @@ class Model:
             row.viscosity = given.viscosity
             row.impedance = given.density * c
             row.compressibility = 1.0 / (given.density * c**2)
+            row.mobility = float(physics.choices["velocity_dissipation"]) / (given.density * c)
             rows.append(row)
         values = {
             "params": params,

@@ -129,11 +129,13 @@ def derive(case: Case, geometry: Geometry, row_list: bool = True) -> Physics:
     star = choose("star_states", "arithmetic" if paper else "weighted", "printed form" if paper else "density weights")
     form = choose(
         "viscosity_form",
-        "paper" if paper else "radial" if has_tension else "morris",
+        "paper" if paper else "radial" if has_tension or not filled else "morris",
         "printed form"
         if paper
         else "right damping at an interface with tension"
         if has_tension
+        else "right damping at a free surface"
+        if not filled
         else "isotropic at any smoothing ratio",
     )
     tension_form = choose(

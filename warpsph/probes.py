@@ -1,8 +1,8 @@
 """Fields at any point by SPH interpolation, on the host.
 
-A first-order consistent (moving least squares) estimate from the fluid within the support radius: exact for a linear
-field, also next to a wall; where too few particles are near it falls back to the Shepard mean, and to NaN where the
-point is outside the fluid.
+A moving-least-squares estimate from the fluid within the support radius: exact for a quadratic field, also next to a
+wall; where fewer particles are near it falls back to a linear fit, then to the Shepard mean, and to NaN where the point
+is outside the fluid.
 """
 
 from __future__ import annotations
@@ -74,9 +74,13 @@ def _at(point: np.ndarray, fluid: Snapshot, values: np.ndarray, support: float, 
     if not len(rows):
         return np.full(values.shape[1], np.nan)
     weight = (1.0 - q) ** 4 * (1.0 + 4.0 * q) * fluid.volume[rows]
-    basis = np.column_stack([np.ones(len(rows)), d / support])
-    moment = basis.T @ (weight[:, None] * basis)
-    right = basis.T @ (weight[:, None] * values[rows])
-    if len(rows) > 2 * len(moment) and np.linalg.cond(moment) < 1.0e6:
-        return np.asarray(np.linalg.solve(moment, right)[0])
+    s = d / support
+    first, second = np.triu_indices(s.shape[1])
+    # quadratic where the neighbourhood allows, else linear: a linear fit is off by the curvature of the field
+    full = np.column_stack([np.ones(len(rows)), s, s[:, first] * s[:, second]])
+    for basis in (full, full[:, : 1 + s.shape[1]]):
+        moment = basis.T @ (weight[:, None] * basis)
+        right = basis.T @ (weight[:, None] * values[rows])
+        if len(rows) > 1.5 * len(moment) and np.linalg.cond(moment) < 1.0e6:
+            return np.asarray(np.linalg.solve(moment, right)[0])
     return np.asarray(right[0] / moment[0, 0])

@@ -229,9 +229,9 @@ def test_dictionary_gives_the_same_case(full: Case):
 @pytest.mark.parametrize(
     ("numerics", "boundary", "expected"),
     [
-        ({}, "wall", ("corrected", "weighted", "morris", 0.02, True, 0.0)),
-        ({}, "open", ("conservative", "weighted", "morris", 0.0, False, 0.0)),
-        ({"pressure_gradient": "corrected"}, "open", ("corrected", "weighted", "morris", 0.02, False, 0.0)),
+        ({}, "wall", ("corrected", "weighted", "morris", 16.0, True, 0.0)),
+        ({}, "open", ("conservative", "weighted", "radial", 0.0, False, 0.0)),
+        ({"pressure_gradient": "corrected"}, "open", ("corrected", "weighted", "radial", 16.0, False, 0.0)),
         (
             {"pressure_gradient": "conservative"},
             "wall",

@@ -90,9 +90,7 @@ def test_no_step_goes_further_than_the_list_bears():
 
 
 def test_largest_of_all_threads():
-    clock = Clock(SKIN=1.0).advance(
-        speed=[1.0, 3.0, 2.0], acceleration=[9.0, 4.0, 1.0], faults=[ck.NO_PARTICLE] * 3
-    )
+    clock = Clock(SKIN=1.0).advance(speed=[1.0, 3.0, 2.0], acceleration=[9.0, 4.0, 1.0], faults=[ck.NO_PARTICLE] * 3)
     assert clock.SPEED == pytest.approx(3.0)
     assert clock.ACCELERATION == pytest.approx(9.0)
 
@@ -107,9 +105,7 @@ def test_time_adds_up():
     assert clock.TIME == before and clock.STEPS == 1 and clock.LAST_STEP == 1e-4
 
 
-@pytest.mark.parametrize(
-    "target", [1e-3, 0.01, 0.3333, 0.9 * ACOUSTIC, 1.0000001 * ACOUSTIC, 4.01 * ACOUSTIC]
-)
+@pytest.mark.parametrize("target", [1e-3, 0.01, 0.3333, 0.9 * ACOUSTIC, 1.0000001 * ACOUSTIC, 4.01 * ACOUSTIC])
 def test_target_is_met_without_a_sliver(target):
     """The last steps are never a small rest; time ends on the target and the loop stops."""
     clock = Clock(TARGET=target).advance(advancing=0)
@@ -159,6 +155,32 @@ def test_list_is_looked_after_once_half_the_skin_is_used():
     assert Clock().advance(way=6 * SKIN, speed=0.1).REBUILD == 1
 
 
+def test_a_check_holds_until_it_is_outlived_or_outrun():
+    """What a check foresaw is trusted for as long as it lasts, less what came on top since, twice."""
+    good = dict(CHECKED=0.5 * SKIN, CHECK_TIME=1.0, CHECK_LASTS=0.5, TIME=1.2, STEP=0.0)
+    seen = dict(way=0.8 * SKIN, speed=0.01)
+    assert Clock(**good).advance(**seen).CHECK == 0
+    assert Clock(**good | {"TIME": 1.4999}).advance(**seen).CHECK == 1
+    assert Clock(**good | {"DRIFT": 0.2 * SKIN}).advance(**seen).CHECK == 0
+    assert Clock(**good | {"DRIFT": 0.26 * SKIN}).advance(**seen).CHECK == 1
+    assert Clock(**good).advance(**seen, shift=0.26 * SKIN).CHECK == 1
+    assert Clock(**good | {"CHECKED": 1.01 * SKIN}).advance(**seen).CHECK == 1
+
+
+def test_unforeseen_motion_adds_up():
+    """The drift bounds what a constant largest acceleration, and shifts, do after a check."""
+    a, shift = 3.0, 1e-7
+    clock = Clock(STEP_CAP=1e-4).advance(advancing=0)
+    clock.values[ck.DRIFT] = clock.values[ck.DRIFT_SPEED] = 0.0
+    begin = clock.advance(acceleration=a, shift=shift).TIME
+    clock.values[ck.DRIFT] = clock.values[ck.DRIFT_SPEED] = 0.0
+    for _ in range(50):
+        clock.advance(acceleration=a, shift=shift)
+    t = clock.TIME - begin
+    assert 0.5 * a * t**2 + 49 * shift <= clock.DRIFT <= 0.55 * a * t**2 + 51 * shift
+    assert clock.DRIFT_SPEED >= a * t * (1 - 1e-12)
+
+
 def test_start_is_limited_like_any_step():
     """Without advancing, speed and acceleration are those the stepper put in."""
     clock = Clock(SPEED=5.0, ACCELERATION=4e6, SKIN=1.0).advance(advancing=0)
@@ -178,9 +200,7 @@ def start(spec=LEAN, counts=(16, 14), velocity=None, device="cpu", **options):
     size = np.array(counts) * SPACING
     if velocity is None:
         velocity = np.zeros_like(x)
-    setup = Setup(
-        spec, x, spacing=SPACING, lower=0.0, upper=size, velocity=velocity, device=device, **options
-    )
+    setup = Setup(spec, x, spacing=SPACING, lower=0.0, upper=size, velocity=velocity, device=device, **options)
     stepper = setup.stepper()
     stepper.prepare(fresh=True)
     return setup, stepper
@@ -247,9 +267,7 @@ def test_list_stays_complete_between_rebuilds(drift, device):
     for step in range(most):
         stepper.run(1e3, 1)
         position = setup.particles.get("position")
-        assert brute_force_pairs(position, setup.box, setup.support * (1 - 1e-9)) <= pairs_of(
-            setup, stepper
-        ), step
+        assert brute_force_pairs(position, setup.box, setup.support * (1 - 1e-9)) <= pairs_of(setup, stepper), step
         clock, counters = stepper.read()
         assert counters[ck.FAULT] == 0
     assert counters[ck.STEPS] == most
@@ -277,6 +295,100 @@ def test_list_stays_complete_beside_walls(device):
         near = brute_force_pairs(position, setup.box, setup.support * (1 - 1e-9))
         assert {(i, j) for i, j in near if i < nf or j < nf} <= pairs_of(setup, stepper), step
     assert stepper.read()[1][ck.REBUILDS] > 1
+
+
+def check(setup, stepper, offset, velocity, step):
+    """Run the check of the list for given displacements and velocities of the fluid."""
+    nf = setup.particles.fluid_count
+    setup.particles.put("offset", offset)
+    every = setup.particles.get("velocity")
+    every[:nf] = velocity
+    setup.particles.put("velocity", every)
+    stepper.write(clock={ck.STEP: step, ck.ACCELERATION: 0.0, ck.SHIFT: 0.0}, counters={ck.REBUILD: 0})
+    for task in stepper.list.check_tasks:
+        task.run()
+    clock, counters = stepper.read()
+    return clock.copy(), bool(counters[ck.REBUILD])
+
+
+def farthest_apart(setup, offset, velocity, lasts):
+    """Return the largest relative displacement, until `lasts`, of particles that could come within the support."""
+    anchor = setup.particles.get("anchor")
+    every, speed = np.zeros_like(anchor), np.zeros_like(anchor)
+    every[: len(offset)], speed[: len(offset)] = offset, velocity
+    reach = 1.5 * setup.support * 1.12
+    pairs = np.array(sorted(brute_force_pairs(anchor, setup.box, reach)))
+    i, j = pairs[pairs[:, 0] < len(offset)].T
+    moments = ((every[i] - every[j]) + t * (speed[i] - speed[j]) for t in np.linspace(0, lasts, 9))
+    return max(np.linalg.norm(relative, axis=1).max() for relative in moments)
+
+
+@pytest.mark.parametrize("walls", [False, True])
+def test_check_sees_the_relative_motion(walls, device):
+    """A list that passes bears the motion of all pairs near enough, now and for as long as the check lasts."""
+    if walls:
+        every = lattice((22, 22), SPACING, centre=False) - 0.3
+        solid = ((every < 0) | (every > 1.6)).any(axis=1)
+        spec = dataclasses.replace(LEAN, periodic=(False, False), walls=True)
+        setup = Setup(spec, every[~solid], walls=every[solid], spacing=SPACING, device=device)
+        stepper = setup.stepper()
+        stepper.prepare(fresh=True)
+    else:
+        setup, stepper = start(counts=(26, 22), device=device)
+    nf, skin, step = setup.particles.fluid_count, setup.clock[ck.SKIN], 1e-3
+    x = setup.particles.get("anchor")[:nf]
+    rng = np.random.default_rng(6)
+    passed = refused = 0
+    for _ in range(40):
+        wave, phase = rng.integers(0, 3, (2, 2)), rng.uniform(0, 7, 2)
+        shape = np.sin(2 * np.pi * (x / np.ptp(x, axis=0)) @ wave.T + phase)
+        offset = skin * rng.uniform(0, 1.2) * shape + rng.normal(size=2) * skin * (0 if walls else 2)
+        velocity = skin / (40 * step) * rng.normal(size=2) * np.roll(shape, 1, axis=1)
+        clock, rebuild = check(setup, stepper, offset, velocity, step)
+        if rebuild:
+            refused += 1
+            continue
+        passed += 1
+        assert clock[ck.CHECK_LASTS] >= 3 * step * (1 - 1e-9)
+        largest = farthest_apart(setup, offset, velocity, clock[ck.CHECK_LASTS])
+        assert largest <= clock[ck.CHECKED] + 1e-12 and clock[ck.CHECKED] <= skin
+    assert passed >= 3 and refused >= 3
+
+
+@pytest.mark.parametrize("part, rebuild", [(0.6, False), (1.05, True)])
+def test_check_compares_neighbouring_cells(part, rebuild, device):
+    """Two bodies, each rigid and in cells of its own, that have come nearer by `part` of the skin."""
+    setup, stepper = start(counts=(26, 22), device=device)
+    count, width = stepper.list.cells_per_axis[0], 2.6
+    anchor = setup.particles.get("anchor")
+    edge = (count // 2) * width / count
+    right = (anchor[:, 0] > edge) & (anchor[:, 0] < width - 3 * width / count)
+    offset = np.where(right, -part * setup.clock[ck.SKIN], 0.0)[:, None] * [1.0, 0.0]
+    _, refused = check(setup, stepper, offset, np.zeros_like(offset), 1e-3)
+    assert refused == rebuild
+
+
+@pytest.mark.parametrize("part, rebuild", [(0.6, False), (1.3, True)])
+def test_check_looks_across_a_periodic_boundary(part, rebuild, device):
+    """A stretch that is gentle everywhere but where the box closes."""
+    setup, stepper = start(counts=(26, 22), device=device)
+    for axis, width in enumerate((2.6, 2.2)):
+        anchor = setup.particles.get("anchor")
+        offset = part * setup.clock[ck.SKIN] * anchor[:, axis : axis + 1] / width * np.eye(2)[axis]
+        assert check(setup, stepper, offset, np.zeros_like(offset), 1e-3)[1] == rebuild
+
+
+def test_check_compares_fluid_with_walls(device):
+    """A body that slides along a wall as a whole."""
+    every = lattice((14, 11), SPACING, centre=False) - 0.3
+    solid = (every[:, 1] < 0) | (every[:, 0] < 0) | (every[:, 0] > 0.8)
+    spec = dataclasses.replace(LEAN, periodic=(False, False), walls=True)
+    setup = Setup(spec, every[~solid], walls=every[solid], spacing=SPACING, device=device)
+    stepper = setup.stepper()
+    stepper.prepare(fresh=True)
+    for part, rebuild in ((0.6, False), (1.05, True)):
+        offset = np.zeros((setup.particles.fluid_count, 2)) + [part * setup.clock[ck.SKIN], 0.0]
+        assert check(setup, stepper, offset, np.zeros_like(offset), 1e-3)[1] == rebuild
 
 
 def test_common_motion_needs_few_rebuilds(device):

@@ -21,7 +21,7 @@ HEAVY = ("pyvista", "vtk", "vtkmodules", "matplotlib", "h5py", "scipy", "pandas"
 FIELDS = {
     "second phase": {"phase"},
     "walls": {"wall_body", "wall_neighbours"},
-    "friction on walls": {"slip", "mirror_velocity"},
+    "friction on walls": {"slip", "wall_depth", "mirror_velocity"},
     "tension": {"fraction", "normal", "interface_weight", "curvature"},
     "interface band": {"band_mark", "band_sum", "band"},
     "shift": {"shift", "carried"},

@@ -161,10 +161,7 @@ def test_pairs_that_wrap_are_flagged(periodic, device):
     flagged = (bench.get("flags").astype(int) & WRAPPED) != 0
     lists = bench.neighbours()[0]
     expected = [
-        any(
-            (np.abs(x[i] - x[j])[list(periodic)] > 0.5 * np.array(size)[list(periodic)]).any()
-            for j in lists[i]
-        )
+        any((np.abs(x[i] - x[j])[list(periodic)] > 0.5 * np.array(size)[list(periodic)]).any() for j in lists[i])
         for i in range(len(x))
     ]
     np.testing.assert_array_equal(flagged, expected)
@@ -192,9 +189,7 @@ def test_walls_across_a_periodic_boundary(device):
     bench = Bench(spec, fluid, walls=walls, spacing=0.1, lower=(0, -0.3), upper=(1.0, 0.6), device=device)
     fluid_lists, wall_lists = bench.neighbours()
     expected = brute_force_pairs(np.concatenate([fluid, walls]), bench.box, bench.list.list_radius)
-    assert pairs_of(fluid_lists) | pairs_of(wall_lists) == {
-        (i, j) for i, j in expected if min(i, j) < len(fluid)
-    }
+    assert pairs_of(fluid_lists) | pairs_of(wall_lists) == {(i, j) for i, j in expected if min(i, j) < len(fluid)}
     flagged = (bench.get("flags").astype(int) & WRAPPED) != 0
     assert flagged[len(fluid) :].any() and not flagged[len(fluid) :].all()
 
@@ -204,9 +199,7 @@ def test_interface_flags_and_band(device):
     x = cloud(500, (2.0, 2.0))
     phase = (np.hypot(*(x - 0.9).T) > 0.6).astype(int)
     spec = Spec(dimension=2, precision="float64", multiphase=True, tension="pressure_jump", interface=True)
-    bench = Bench(
-        spec, x, spacing=0.1, ratio=1.0, phase=phase, fluids=(Fluid(), Fluid()), width=200, device=device
-    )
+    bench = Bench(spec, x, spacing=0.1, ratio=1.0, phase=phase, fluids=(Fluid(), Fluid()), width=200, device=device)
     lists = bench.neighbours()[0]
     flags = bench.get("flags").astype(int)
     near = np.array([any(phase[j] != phase[i] for j in lists[i]) for i in range(len(x))])

@@ -78,9 +78,7 @@ def test_equal_media_are_the_acoustic_solution(arithmetic):
     )
     star = velocity(arithmetic, u_i, u_j, 4 * one, 4 * one, 20 * one, 20 * one, dp)
     np.testing.assert_allclose(star, 0.5 * (u_i + u_j) + dp / 40, rtol=1e-14)
-    np.testing.assert_allclose(
-        pressure(arithmetic, u_i, u_j, 4 * one, 4 * one, 0 * one), 0.5 * (u_i + u_j), rtol=1e-14
-    )
+    np.testing.assert_allclose(pressure(arithmetic, u_i, u_j, 4 * one, 4 * one, 0 * one), 0.5 * (u_i + u_j), rtol=1e-14)
 
 
 def test_impedance_of_two_media(pairs):

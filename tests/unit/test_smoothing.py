@@ -93,9 +93,7 @@ def test_sums_on_a_lattice(d, name, ratio, neighbours, s_error, s_digit, moment)
     assert alpha * w.sum() / ratio**d - 1 == pytest.approx(s_error, abs=1.001 * s_digit)
     # L = -sum V x^2 W'/r, W'/r = alpha/h^(d+2) w'/q
     digit = 5e-4 if moment == 0.979 else 5e-5
-    assert -alpha * (sites[:, 0] ** 2 * s).sum() / ratio ** (d + 2) == pytest.approx(
-        moment, abs=1.001 * digit
-    )
+    assert -alpha * (sites[:, 0] ** 2 * s).sum() / ratio ** (d + 2) == pytest.approx(moment, abs=1.001 * digit)
 
 
 def test_unknown_kernel():

@@ -31,12 +31,8 @@ MINUS_RADIAL = dataclasses.replace(
     corrected=True,
     shifting=True,
 )
-MINUS_MORRIS = dataclasses.replace(
-    BASE, viscosity="morris", corrected=True, shifting=True, gravity=True, body_force=True
-)
-MINUS_3D = dataclasses.replace(
-    MINUS_MORRIS, dimension=3, periodic=(False,) * 3, gravity=False, body_force=False
-)
+MINUS_MORRIS = dataclasses.replace(BASE, viscosity="morris", corrected=True, shifting=True, gravity=True, body_force=True)
+MINUS_3D = dataclasses.replace(MINUS_MORRIS, dimension=3, periodic=(False,) * 3, gravity=False, body_force=False)
 
 LIGHT_AND_HEAVY = (
     Fluid(density=1.0, viscosity=0.01, sound_speed=14.0, gamma=1.4),
@@ -242,9 +238,7 @@ def test_corrected_form_is_exact_for_a_linear_pressure(spec, device):
     d = spec.dimension
     gradient = np.array([3.0, -2.0, 5.0])[:d]
     fluids = (Fluid(density=4.0),) * 2  # an interface between equal densities changes nothing
-    bench, x = scene(
-        spec, COUNTS[d], device=device, velocity=0.0, fluids=fluids, excess=0.02, dissipation=0.0
-    )
+    bench, x = scene(spec, COUNTS[d], device=device, velocity=0.0, fluids=fluids, excess=0.02, dissipation=0.0)
     bench.put_state(pressure=100.0 + x @ gradient)
     density = mass(bench) / bench.get("state")[:, 1]
     error = bench.acceleration() + gradient / density[:, None]
@@ -308,12 +302,8 @@ def test_corrected_viscosity_of_a_parabola(device):
 
 
 def test_gravity_and_body_force_act_alike(device):
-    bench, _ = scene(
-        MINUS_MORRIS, device=device, velocity=0.0, pressure=3.0, gravity=(0.5, -9.81), body_force=(2.0, 0.25)
-    )
-    np.testing.assert_allclose(
-        bench.acceleration(), full((2.5, -9.56), len(bench.get("rest_volume")), 2), atol=1e-10
-    )
+    bench, _ = scene(MINUS_MORRIS, device=device, velocity=0.0, pressure=3.0, gravity=(0.5, -9.81), body_force=(2.0, 0.25))
+    np.testing.assert_allclose(bench.acceleration(), full((2.5, -9.56), len(bench.get("rest_volume")), 2), atol=1e-10)
 
 
 # forces of two particles ------------------------------------------------------------------------------------
@@ -424,9 +414,7 @@ def test_hydrostatic_interface_drives_nothing(device):
     spec = dataclasses.replace(PLUS_RADIAL, gravity=True)
     x = np.array([[0.0, -0.05], [0.0, 0.05]])
     options = dict(spacing=SPACING, phase=[1, 0], fluids=LIGHT_AND_HEAVY, gravity=(0.0, -9.81), device=device)
-    rest = Bench(
-        spec, x, pressure=[3.0 + 1000 * 9.81 * 0.05, 3.0 - 1 * 9.81 * 0.05], **options
-    ).density_rate()
+    rest = Bench(spec, x, pressure=[3.0 + 1000 * 9.81 * 0.05, 3.0 - 1 * 9.81 * 0.05], **options).density_rate()
     level = Bench(spec, x, pressure=3.0, **options).density_rate()
     assert np.abs(rest).max() < 1e-12 * np.abs(level).max()
 
@@ -448,9 +436,7 @@ def test_shift_needs_a_velocity_gradient(spec, device):
 def test_shift_evens_out(spec, device):
     """Towards the emptier side, within its cap, and the cloud is more even after it."""
     fluids = (Fluid(density=4.0, viscosity=0.3),) * 2
-    bench, x = scene(
-        spec, device=device, pressure=0.0, fluids=fluids, volume=SPACING**2, shifting=0.5, shift_cap=0.05
-    )
+    bench, x = scene(spec, device=device, pressure=0.0, fluids=fluids, volume=SPACING**2, shifting=0.5, shift_cap=0.05)
     bench.put("velocity", x @ np.array([[0.0, 3.0], [0.0, 0.0]]))
     before = kernel_sum(bench, x)
     bench.acceleration(dt=0.5)

@@ -45,9 +45,7 @@ def test_terms(dimension):
     along = (v * d).sum(axis=1, keepdims=True)
     h = 0.7
     np.testing.assert_allclose(pair_terms("morris", v, d, h), 2 * v, rtol=1e-13)
-    np.testing.assert_allclose(
-        pair_terms("radial", v, d, h), 2 * (dimension + 2) * along / r2 * d, rtol=1e-11
-    )
+    np.testing.assert_allclose(pair_terms("radial", v, d, h), 2 * (dimension + 2) * along / r2 * d, rtol=1e-11)
     # the printed form: K/h mu_i mu_j/(mu_i+mu_j), half the harmonic mean, twice from the star pressure
     expected = 2.5 * (dimension + 2) / h * along / np.sqrt(r2) * d
     np.testing.assert_allclose(pair_terms("paper", v, d, h), expected, rtol=1e-11)
@@ -127,9 +125,7 @@ def test_viscosity_on_a_lattice(form, ratio, device):
     assert got.mean() == pytest.approx(mean, abs=1.002 * DIGIT.get(mean, 5e-3))
 
 
-@pytest.mark.parametrize(
-    "form, expected, digit", [("radial", 0.851, 5e-4), ("morris", 0.979, 5e-4), ("paper", 1.31, 5e-3)]
-)
+@pytest.mark.parametrize("form, expected, digit", [("radial", 0.851, 5e-4), ("morris", 0.979, 5e-4), ("paper", 1.31, 5e-3)])
 def test_viscosity_in_three_dimensions(form, expected, digit):
     """Along the axes of a cubic lattice, h = 1.25 dx: the terms of a quadratic shear, summed."""
     ratio = 1.25

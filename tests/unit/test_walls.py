@@ -118,9 +118,7 @@ def test_each_phase_weighs_as_itself_at_the_wall(device):
 def test_mirrored_velocity(device):
     """v_mirror = 2 v_wall - v_fluid for a uniform flow."""
     wall_velocity = np.array([0.5, -0.25])
-    bench, fluid, walls = tank(
-        velocity=(2.0, 3.0), wall_velocity=wall_velocity, gravity=GRAVITY, device=device
-    )
+    bench, fluid, walls = tank(velocity=(2.0, 3.0), wall_velocity=wall_velocity, gravity=GRAVITY, device=device)
     bench.prepare()
     reached = np.array([np.linalg.norm(fluid - w, axis=1).min() < 0.9 * bench.support for w in walls])
     expected = np.broadcast_to(2 * wall_velocity - [2.0, 3.0], walls.shape)
@@ -201,6 +199,20 @@ def test_couette_flow_is_steady_between_moving_walls(device):
     upside_down = np.lexsort((fluid[:, 0], -fluid[:, 1]))
     upright = np.lexsort((fluid[:, 0], fluid[:, 1]))
     np.testing.assert_allclose(a[upright], -a[upside_down], atol=1e-11)
+
+
+def test_couette_flow_feels_nothing_where_the_surface_is_known(device):
+    """With the distance of the wall particles from the surface their mirrored velocity continues the linear profile."""
+    bench, fluid, walls = channel(device=device)
+    bench.put("wall_depth", np.maximum(-walls[:, 1], walls[:, 1] - 0.8))
+    linear = np.stack([np.concatenate([fluid, walls])[:, 1], np.zeros(len(fluid) + len(walls))], axis=1)
+    velocity = linear.copy()
+    velocity[len(fluid) :, 0] = np.where(walls[:, 1] > 0.4, 0.8, 0.0)
+    bench.put("velocity", velocity)
+    bench.prepare()
+    reached = np.abs(walls[:, 1] - 0.4) < 0.6
+    np.testing.assert_allclose(bench.get("mirror_velocity")[reached], linear[len(fluid) :][reached], atol=1e-12)
+    assert np.abs(bench.acceleration()).max() < 1e-11
 
 
 def test_pressure_holds_the_fluid_off_the_wall(device):
