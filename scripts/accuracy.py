@@ -21,12 +21,38 @@ CASES = Path(__file__).resolve().parent.parent / "cases"
 ROWS: dict[str, tuple[str, dict[str, Any]]] = {
     **{f"taylor_green {n} noise": ("taylor_green", {"particle_spacing": f"1/{n}"}) for n in (25, 50, 100, 200)},
     **{f"taylor_green {n} lattice": ("taylor_green_lattice", {"particle_spacing": f"1/{n}"}) for n in (25, 50, 100, 200)},
+    # drift of the total momentum over 10 000 steps of the conservative form, against sum m |v| at the start, (2/pi)^2
+    "momentum, conservative": (
+        "taylor_green_lattice",
+        {
+            "end_time": 14.0,
+            "numerics.pressure_gradient": "conservative",
+            "reference": {
+                "momentum_drift": {
+                    "gauge": "momentum", "column": "hypot(momentum_x, momentum_y)", "reduce": "max", "value": 0,
+                    "allowed": 1e-6 * 0.405,
+                }
+            },
+        },
+    ),
+    "momentum, corrected": (
+        "taylor_green_lattice",
+        {
+            "end_time": 14.0,
+            "reference": {
+                "momentum_drift": {
+                    "gauge": "momentum", "column": "hypot(momentum_x, momentum_y)", "reduce": "max", "value": 0,
+                }
+            },
+        },
+    ),
     "poiseuille 40": ("poiseuille", {}),
     "couette 40": ("couette", {}),
     "hydrostatic_tank": ("hydrostatic_tank", {}),
     "layered_tank": ("layered_tank", {}),
     "standing_wave": ("standing_wave", {}),
     "dam_break": ("dam_break", {}),
+    "dam_break_3d": ("dam_break_3d", {}),
     **{f"square_droplet {n}": ("square_droplet", {"particle_spacing": f"2/{n}"}) for n in (52, 76, 100, 200)},
     **{
         f"static_droplet R/{n} ratio {ratio}": (
