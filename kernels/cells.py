@@ -10,9 +10,9 @@ from typing import Any
 
 import warp as wp
 
-from .clock import BAND_COUNT, CHECK_LASTS, FAULT, FAULT_LIST, LIST_PEAK, OFFSET, REBUILD, REBUILDS, RUNNING
+from .clock import BAND_COUNT, CHECK_LASTS, FAULT, FAULT_LIST, LIST_PEAK, MAXIMA, OFFSET, REBUILD, REBUILDS, RUNNING
 from .pair import BAND, NEAR, WRAPPED
-from .spec import Spec, types_of
+from .spec import Spec, types, types_of
 
 
 @functools.cache
@@ -200,13 +200,20 @@ def make_list(spec: Spec) -> Any:
             if wp.static(any_periodic):
                 if edge:
                     raw = d + vec()
+                    far = bool(False)
                     if wp.static(px):
                         d[0] = image(d[0], grid.box[0])
                     if wp.static(py):
                         d[1] = image(d[1], grid.box[1])
                     if wp.static(pz):
                         d[2] = image(d[2], grid.box[2])
-                    if wp.dot(d, d) < wp.min(grid.list_radius2, wp.dot(raw, raw)):
+                    if wp.static(px):
+                        far = far or d[0] != raw[0]
+                    if wp.static(py):
+                        far = far or d[1] != raw[1]
+                    if wp.static(pz):
+                        far = far or d[2] != raw[2]
+                    if far and wp.dot(d, d) < grid.list_radius2:
                         flag = flag | WRAPPED
             if wp.static(spec.row_list):
                 # about half of the candidates are neighbours: storing all and counting those spares the branch,
@@ -392,13 +399,15 @@ def make_list(spec: Spec) -> Any:
 
 
 @functools.cache
-def make_finish() -> Any:
+def make_finish(precision: str) -> Any:
     """Return the one-thread kernel that closes a rebuild and stops the loop if the list is too narrow."""
+    real = types(2, precision).real
 
     @wp.kernel(module="unique", enable_backward=False)
     def finish_rebuild(
         list_width: int,
         list_peak: wp.array(dtype=int),
+        maxima: wp.array(dtype=real),
         clock: wp.array(dtype=wp.float64),
         counters: wp.array(dtype=int),
     ):
@@ -406,6 +415,7 @@ def make_finish() -> Any:
         for slot in range(list_peak.shape[0]):
             peak = wp.max(peak, list_peak[slot])
             list_peak[slot] = 0
+            maxima[slot * MAXIMA + 2] = real(0.0)
         counters[LIST_PEAK] = wp.max(counters[LIST_PEAK], peak)
         counters[REBUILDS] = counters[REBUILDS] + 1
         counters[REBUILD] = 0

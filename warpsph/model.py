@@ -280,7 +280,12 @@ class Model:
     def save_state(self) -> dict[str, np.ndarray]:
         """Return everything a restart needs, by name."""
         clock, counters = self.stepper.read()
-        return {**self.particles.kept(), "clock": np.array(clock), "counters": np.array(counters)}
+        return {
+            **self.particles.kept(),
+            "clock": np.array(clock),
+            "counters": np.array(counters),
+            "maxima": self.stepper.maxima.numpy().reshape(-1, ck.MAXIMA).max(axis=0),
+        }
 
     def load_state(self, state: dict[str, np.ndarray]) -> None:
         """Continue from a saved state of the same case, bit by bit.
@@ -293,6 +298,7 @@ class Model:
                 if name not in state:
                     raise ValueError(f"the saved state has no field {name}")
                 self.particles.put(name, state[name])
+        self.stepper.maxima.assign(np.tile(state["maxima"], self.launcher.threads))
         clock = np.array(self.stepper.read()[0])
         saved = state["clock"]
         for index in (

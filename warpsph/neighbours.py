@@ -208,7 +208,7 @@ class NeighbourList:
 
                 tasks.append(Task("band", add_up))
                 tasks.append(launcher.task("band", gather, fluid, bindings))
-        tasks.append(launcher.task("finish", cells.make_finish(), 1, bindings, single=True))
+        tasks.append(launcher.task("finish", cells.make_finish(spec.precision), 1, bindings, single=True))
         return tasks
 
     def _make_check_tasks(self) -> list[Task]:

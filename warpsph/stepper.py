@@ -168,7 +168,9 @@ class Stepper:
             self.maxima_to_clock()
         else:
             clock, counters = (array.copy() for array in self.read())
+            maxima = self.maxima.numpy().copy()
             self.rebuild(moving=False)
+            self.maxima.assign(maxima)
             kept = {index: clock[index] for index in (ck.OFFSET, ck.CHECK_LASTS)}
             self.write(clock=kept, counters={ck.REBUILDS: int(counters[ck.REBUILDS])})
 
