@@ -10,7 +10,21 @@ from typing import Any
 
 import warp as wp
 
-from .clock import BAND_COUNT, CHECK_LASTS, FAULT, FAULT_LIST, LIST_PEAK, MAXIMA, OFFSET, REBUILD, REBUILDS, RUNNING
+from .clock import (
+    BAND_COUNT,
+    CHECK_LASTS,
+    FAULT,
+    FAULT_LIST,
+    LIST_PEAK,
+    MAXIMA,
+    OFFSET,
+    REBUILD,
+    REBUILDS,
+    RETRY,
+    RUNNING,
+    STRAIGHT,
+    USELESS,
+)
 from .pair import BAND, NEAR, WRAPPED
 from .spec import Spec, types, types_of
 
@@ -419,6 +433,9 @@ def make_finish(precision: str) -> Any:
         counters[LIST_PEAK] = wp.max(counters[LIST_PEAK], peak)
         counters[REBUILDS] = counters[REBUILDS] + 1
         counters[REBUILD] = 0
+        counters[STRAIGHT] = 0
+        if counters[USELESS] > 0 and counters[REBUILDS] % RETRY != 0:
+            counters[STRAIGHT] = 1
         clock[OFFSET] = wp.float64(0.0)
         clock[CHECK_LASTS] = wp.float64(-1.0)
         if peak > list_width:

@@ -49,7 +49,10 @@ SINCE_CONSTRAINT = 9  # steps since the volume was last checked
 CHECK = 10  # the list has to be checked, see `slack`
 CHECKS = 11
 CARE = 12  # the list has to be checked or rebuilt
-COUNTERS_SIZE = 13
+STRAIGHT = 13  # when the list gets doubtful, rebuild it without a check
+USELESS = 14  # checks in a row that found nothing right after a rebuild
+COUNTERS_SIZE = 15
+RETRY = 8  # rebuilds after which a useless check is tried again
 
 MAXIMA = 4  # per thread: speed^2, acceleration^2, displacement^2, shift^2
 SEED = 0.9
@@ -138,7 +141,10 @@ def make_advance(precision: str) -> Any:
             if way > clock[FARTHEST]:
                 counters[REBUILD] = 1
             elif not (lasts and clock[CHECKED] + wp.float64(2.0) * drift <= clock[SKIN]):
-                counters[CHECK] = 1
+                if counters[STRAIGHT] == 1:
+                    counters[REBUILD] = 1
+                else:
+                    counters[CHECK] = 1
         if counters[STEPS] >= counters[STEP_LIMIT]:
             running = 0
         if counters[FAULT] != 0:
@@ -195,7 +201,14 @@ def make_judge(precision: str) -> tuple[Any, Any]:
                 share = share * wp.float64(0.7)
         counters[CHECK] = 0
         counters[CHECKS] = counters[CHECKS] + 1
-        if not found:
+        if found:
+            # what was not good for the whole horizon has used up the skin by its end
+            counters[USELESS] = 0
+            if share < wp.float64(1.0):
+                counters[STRAIGHT] = 1
+        else:
             counters[REBUILD] = 1
+            if clock[CHECK_LASTS] < wp.float64(0.0):
+                counters[USELESS] = counters[USELESS] + 1
 
     return set_horizon, judge_list

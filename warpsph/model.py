@@ -24,6 +24,7 @@ from warpsph.stepper import Stepper
 if TYPE_CHECKING:
     from warpsph.case import Case
 
+KEPT_COUNTERS = (ck.STEPS, ck.REBUILDS, ck.SINCE_CONSTRAINT, ck.CHECKS, ck.STRAIGHT, ck.USELESS)
 SHIFT_CAP = 0.01  # longest shift of a step as share of h
 
 
@@ -308,5 +309,5 @@ class Model:
             clock[index] = saved[index]
         self.stepper.write(
             clock=dict(enumerate(clock)),
-            counters={k: int(state["counters"][k]) for k in (ck.STEPS, ck.REBUILDS, ck.SINCE_CONSTRAINT, ck.CHECKS)},
+            counters={k: int(state["counters"][k]) for k in KEPT_COUNTERS},
         )

@@ -172,7 +172,7 @@ class Stepper:
             self.rebuild(moving=False)
             self.maxima.assign(maxima)
             kept = {index: clock[index] for index in (ck.OFFSET, ck.CHECK_LASTS)}
-            self.write(clock=kept, counters={ck.REBUILDS: int(counters[ck.REBUILDS])})
+            self.write(clock=kept, counters={k: int(counters[k]) for k in (ck.REBUILDS, ck.STRAIGHT)})
 
     def wall_load(self) -> np.ndarray:
         """Return the force of the fluid on each wall particle, (walls, d) [N]."""
