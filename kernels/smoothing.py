@@ -72,14 +72,14 @@ def make_smoothing(name: str, precision: str) -> tuple[Any, Any]:
             s = real(0.5) * q
             u = wp.max(real(1.0) - s, real(0.0))
             u2 = u * u
-            return u2 * u2 * u2 * (real(1.0) + real(6.0) * s + real(35.0 / 3.0) * s * s)
+            return u2 * u2 * u2 * (real(1.0) + real(6.0) * s + real(35.0) / real(3.0) * s * s)
 
         @wp.func
         def slope(q: real):
             s = real(0.5) * q
             u = wp.max(real(1.0) - s, real(0.0))
             u2 = u * u
-            return real(-14.0 / 3.0) * u2 * u2 * u * (real(1.0) + real(5.0) * s)
+            return real(-14.0) / real(3.0) * u2 * u2 * u * (real(1.0) + real(5.0) * s)
 
     elif name == "wendland_c6":
 
@@ -138,11 +138,9 @@ def make_smoothing(name: str, precision: str) -> tuple[Any, Any]:
             return result
 
     elif name == "gaussian":
-        cut = math.exp(-9.0)
-
         @wp.func
         def shape(q: real):
-            return wp.max(wp.exp(-q * q) - real(cut), real(0.0))
+            return wp.max(wp.exp(-q * q) - wp.exp(real(-9.0)), real(0.0))
 
         @wp.func
         def slope(q: real):

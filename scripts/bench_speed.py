@@ -200,7 +200,7 @@ def measure(name: str, device: str, threads: int, precision: str, seconds: float
         "threads": model.launcher.threads, "precision": precision, "particles": n, "neighbours": listed,
         "sweeps": 2, "ms_per_step": step * 1e3, "spread": (max(times) - min(times)) / step,
         "mups": n / step / 1e6, "steps_per_rebuild": 5 * portion / max(rebuilds, 1),
-        "floor_ratio": step / floor, "bytes_per_particle": model.particles.memory() / n,
+        "floor_ratio": step / floor, "bytes_per_particle": (model.particles.memory() + stepper.list.memory_beside()) / n,
         "setup_seconds": setup, "shares": shares,
     }  # fmt: skip
 

@@ -557,7 +557,7 @@ class Numerics(CaseModel):
     courant: Annotated[float | _Auto, NumberRule(above=0, most=2, auto=True)] = Field(
         default="auto", description="time step divided by h/(c + v)", examples=["0.5"]
     )
-    skin: Annotated[float | _Auto, NumberRule(least=0, most=1, auto=True)] = Field(
+    skin: Annotated[float | _Auto, NumberRule(least=0.03, most=1, auto=True)] = Field(
         default="auto",
         description="skin of the neighbour list, fraction of the support radius",
         examples=["0.1"],

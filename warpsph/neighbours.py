@@ -159,6 +159,12 @@ class NeighbourList:
         """Return the bytes of the list alone (the grid and the sort buffers are not in it)."""
         return int(self.neighbours.capacity)
 
+    def memory_beside(self) -> int:
+        """Return the bytes of grid, sort buffers, scratch and displacement extremes."""
+        arrays = [self.cell_start, self.sort_keys, self.sort_order, *self._scratch.values()]
+        arrays += [array for buffer in self._extremes for array in buffer]
+        return sum(int(array.capacity) for array in arrays)
+
     def _scratch_for(self, dtype: Any, rows: int) -> Any:
         held = self._scratch.get(dtype)
         if held is None or held.shape[0] < rows:

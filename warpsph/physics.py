@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from warpsph.errors import CaseError, Problem
 from warpsph.kernels.smoothing import KERNELS
 from warpsph.kernels.spec import Spec
 
@@ -157,7 +158,7 @@ def derive(case: Case, geometry: Geometry, row_list: bool = True) -> Physics:
         "a perfect lattice is no start for the corrected gradient" if corrected else "not needed",
     )
     dissipation = choose("velocity_dissipation", 1.0, "Riemann problem")
-    courant = choose("courant", 0.5, "half of the measured limit of the leapfrog")
+    choose("courant", 0.5, "half of the measured limit of the leapfrog")
     choose("skin", SKIN, "measured optimum of sweeps and rebuilds")
     choices["kernel"] = numerics.kernel
     choices["maximum_step"] = numerics.maximum_step
@@ -191,7 +192,7 @@ def derive(case: Case, geometry: Geometry, row_list: bool = True) -> Physics:
         row_list=row_list,
     )
     cap = step_limits(case, spec, h, tension)
-    del courant
+    check_periods(case, geometry, support * (1.0 + float(choices["skin"])))
     return Physics(
         spec=spec,
         choices=choices,
@@ -205,6 +206,22 @@ def derive(case: Case, geometry: Geometry, row_list: bool = True) -> Physics:
         runaway=10.0 * max(max(wanted), scales["velocity"]),
         warnings=tuple(warnings),
     )
+
+
+def check_periods(case: Case, geometry: Geometry, list_radius: float) -> None:
+    """Refuse a periodic axis on which a particle could be a neighbour of two images of another.
+
+    Raises CaseError.
+    """
+    problems = []
+    lattice = geometry.lattice
+    for axis, (low, high, wraps) in enumerate(zip(lattice.lower, lattice.upper, case.periodic, strict=True)):
+        if wraps and high - low < 2.0 * list_radius:
+            rule = f"a periodic axis must be at least {2.0 * list_radius:.4g} m long, twice the radius of the neighbour list"
+            remedy = "enlarge the domain, or lower particle_spacing, numerics.smoothing_ratio or numerics.skin"
+            problems.append(Problem(f"domain.boundary.{'xyz'[axis]}", "periodic", f"{high - low:.4g} m: {rule}", remedy))
+    if problems:
+        raise CaseError(problems)
 
 
 def _obstacles_inside(geometry: Geometry) -> int:

@@ -520,7 +520,7 @@ class Simulation:
             "precision": self.case.precision,
             "mups": particles.count * steps / max(seconds, 1e-9) / 1e6,
             "list_rebuilds": int(counters[ck.REBUILDS]),
-            "bytes_per_particle": (particles.memory()) / max(particles.count, 1),
+            "bytes_per_particle": (particles.memory() + model.stepper.list.memory_beside()) / max(particles.count, 1),
             "timings": {name: value for name, value in stages.items() if value > 0.0},
             "output_seconds": {
                 "copying": self._copy_seconds,
