@@ -111,6 +111,8 @@ def run(
                 loaded, output=folder, **{key: value for key, value in choices.items() if value is not None}
             )
             print(f"{case} -> {folder}", flush=True)
+            for line in simulation.warnings:
+                print(f"warning: {line}", file=sys.stderr, flush=True)
             with _progress_display() as show_progress:
                 simulation.run(progress=show_progress)
         except BaseException:

@@ -23,6 +23,8 @@ from warpsph.schemes.stage import Stage
 # partial sums of a reduction: enough to fill a GPU, few enough to add up on one core
 BLOCKS = {True: 512, False: 16384}
 
+WIDEST = 32760  # neighbour counts are 16-bit
+
 
 class Stepper:
     """Runs time steps.
@@ -150,7 +152,7 @@ class Stepper:
                     task.resize(band)
 
     def _widen(self, peak: int) -> None:
-        self.list.resize(int(1.2 * peak) + 4)
+        self.list.resize(min(int(1.2 * peak) + 4, max(peak + 1, WIDEST)))
         self._bind()
         self.write(counters={ck.FAULT: 0})
 
