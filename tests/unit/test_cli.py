@@ -35,6 +35,7 @@ class FakeSimulation:
     """Records how it was made; `failure` is raised by run."""
 
     made: list = []
+    warnings = ["phases.water.sound_speed: too low"]
     failure: BaseException | None = None
 
     def __init__(self, case, *, output, **choices):
@@ -139,9 +140,10 @@ def test_named_options_win_over_set(command, case, simulation):
 
 
 def test_run_prints_progress_and_the_comparison(command, case, simulation):
-    code, out, _ = command("run", case)
+    code, out, err = command("run", case)
     assert code == 0
     assert "drop.yaml -> runs/drop" in out
+    assert "warning: phases.water.sound_speed: too low" in err
     assert "t 0 of 0.5 s  step 0" in out and "? left" in out
     assert "t 0.5 of 0.5 s  step 1000  dt 0.001 s  2.5 Mups  100.0 %" in out
     assert "step 500 " not in out  # less than 5 s after the line before
