@@ -514,7 +514,7 @@ class Numerics(CaseModel):
     )
     viscosity_form: Annotated[Literal["auto", "morris", "radial", "paper"], ChoiceRule()] = Field(
         default="auto",
-        description="viscous term. auto: morris, radial with surface tension (paper: paper)",
+        description="viscous term. auto: morris, radial with surface tension or a free surface (paper: paper)",
         examples=["auto"],
     )
     tension_form: Annotated[Literal["auto", "pressure_jump", "body_force"], ChoiceRule()] = Field(
@@ -536,7 +536,7 @@ class Numerics(CaseModel):
     shifting: Annotated[float | _Auto, NumberRule(least=0, most=20, auto=True)] = Field(
         default="auto",
         description="coefficient of particle shifting. auto: 16 with corrected, 0 with conservative",
-        examples=["0.02"],
+        examples=["16"],
     )
     unlock: Annotated[float | _Auto, NumberRule(least=0, most=0.3, auto=True)] = Field(
         default="auto",

@@ -333,16 +333,16 @@ def sound_speeds(case: Case, scales: dict[str, float], seen: np.ndarray) -> tupl
     needed = needed_sound_speeds(case, scales, seen)
     # A dense phase may be stiffer at no cost as long as its sound is no faster.
     fastest, light = max(needed), min(case.phases[name].density for name in case.phase_names)
-    needed = [
+    lifted = [
         max(c, min(fastest, fastest * math.sqrt(STIFFER * light / case.phases[name].density)))
         for name, c in zip(case.phase_names, needed, strict=True)
     ]
     floor = max(needed) if max(needed) > 0 else 1.0
     result, warnings = [], []
-    for name, least in zip(case.phase_names, needed, strict=True):
+    for name, least, chosen in zip(case.phase_names, needed, lifted, strict=True):
         given = case.phases[name].sound_speed
         if given == "auto":
-            result.append(least if least > 0 else floor)
+            result.append(chosen if chosen > 0 else floor)
             continue
         result.append(float(given))
         # half of the square is still a few per cent of compression: worth a word only beyond that

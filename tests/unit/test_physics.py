@@ -1,0 +1,77 @@
+"""What `auto` comes to: sound speeds, formulation, time-step limits."""
+
+import math
+
+import pytest
+
+from tests.scenes import PERIODIC, case_of
+from warpsph.case import Case
+from warpsph.errors import CaseError
+from warpsph.geometry import build
+from warpsph.physics import derive, support_radius
+
+
+def physics_of(case):
+    return derive(case, build(case, support_radius(case)))
+
+
+def droplet(**changes):
+    return Case.from_dict(
+        {
+            "dimension": 2,
+            "particle_spacing": 2 / 26,
+            "end_time": 1.0,
+            "domain": {"lower": [-1, -1], "upper": [1, 1], "boundary": {"x": "wall", "y": "wall"}},
+            "phases": {
+                "gas": {"density": 1.0, "viscosity": 0.005, "gamma": 1.4},
+                "liquid": {"density": 1000.0, "viscosity": 0.5},
+            },
+            "surface_tension": [{"between": ["gas", "liquid"], "coefficient": 1.0}],
+            "fluids": [
+                {"phase": "gas", "shape": {"box": {"lower": [-0.5, -0.5], "upper": [0.5, 0.5]}}},
+                {"phase": "liquid", "shape": "rest"},
+            ],
+        }
+    ).replace(changes)
+
+
+def test_sound_speed_bears_the_laplace_jump():
+    """rho c^2 of the light phase is a hundred times sigma/R; the dense one is as fast, which costs no time step."""
+    light, dense = physics_of(droplet()).sound_speed
+    assert light**2 >= 100 * 1.0 / math.sqrt(1 / math.pi) * (1 - 1e-12)
+    assert dense == light
+
+
+def test_low_sound_speed_is_warned_of_with_the_value_needed():
+    found = physics_of(droplet(**{"phases.gas.sound_speed": 2.0}))
+    (line,) = found.warnings
+    assert "phases.gas.sound_speed" in line and "at least 13." in line
+    # the dense phase sees a thousandth of that stress
+    assert not physics_of(droplet(**{"phases.liquid.sound_speed": 2.0})).warnings
+
+
+def test_formulation_follows_from_the_scene():
+    closed = physics_of(droplet())
+    assert closed.spec.corrected and closed.spec.volume_constraint and closed.spec.shifting
+    assert closed.spec.viscosity == "radial" and not closed.spec.free_surface
+    # the same box half empty has a free surface
+    half = droplet(**{"fluids.1.shape": {"box": {"lower": [-1, -1], "upper": [1, -0.5]}}})
+    assert not physics_of(half).spec.corrected and physics_of(half).spec.free_surface
+    paper = physics_of(droplet(**{"numerics.formulation": "paper"}))
+    assert not paper.spec.corrected and paper.spec.tension == "body_force" and paper.spec.paper_star
+    assert paper.choices["interface_force"] == 0.08 and paper.choices["smoothing_ratio"] == 1.25
+
+
+def test_step_limits():
+    """0.06 rho h^2/mu of the radial form with the harmonic mean at the interface; 0.5 sqrt(rho h^3/(2 pi sigma))."""
+    found = physics_of(droplet())
+    h = 1.5 * 2 / 26
+    nu = 2 * 0.005 * 0.5 / 0.505 / 1.0
+    assert found.step_cap["viscosity"] == pytest.approx(0.06 * h**2 / nu)
+    assert found.step_cap["surface tension"] == pytest.approx(0.5 * math.sqrt(h**3 / (2 * math.pi)))
+    assert physics_of(droplet(**{"numerics.maximum_step": 1e-5})).step_cap["maximum_step"] == 1e-5
+
+
+def test_period_shorter_than_two_list_radii_is_refused():
+    with pytest.raises(CaseError, match="domain.boundary"):
+        physics_of(case_of(PERIODIC).replace({"numerics.smoothing_ratio": 4.0, "numerics.skin": 1.0}))
