@@ -41,6 +41,7 @@ def make_load(spec: Spec) -> Any:
         phase: wp.array(dtype=wp.int8),
         position: wp.array(dtype=vec),
         velocity: wp.array(dtype=vec),
+        rest_volume: wp.array(dtype=real),
         state: wp.array(dtype=pair),
         mirror_velocity: wp.array(dtype=vec),
         slip: wp.array(dtype=wp.uint8),
@@ -59,13 +60,18 @@ def make_load(spec: Spec) -> Any:
             k += step
             d = separation(position[j], xi, True, params)  # from the wall particle to the fluid particle
             r2 = wp.dot(d, d)
-            f = slope(wp.sqrt(r2) * params.inv_h) * state[j][1] * params.wall_volume * params.g_norm
-            force += ((state[j][0] + p_w) * f) * d
+            state_j = state[j]
+            own = int(0)
+            if wp.static(spec.multiphase):
+                # as in the momentum sweep: each fluid meets the wall with its own one-sided state
+                own = int(phase[j])
+                p_w = state_j[0]
+                if wp.static(spec.gravity):
+                    p_w -= phases[own].density * rest_volume[j] / state_j[1] * wp.dot(params.gravity, d)
+            f = slope(wp.sqrt(r2) * params.inv_h) * state_j[1] * params.wall_volume * params.g_norm
+            force += ((state_j[0] + p_w) * f) * d
             if wp.static(spec.wall_no_slip):
                 if slip[w] == wp.uint8(0):
-                    own = int(0)
-                    if wp.static(spec.multiphase):
-                        own = int(phase[j])
                     force -= (phases[own].viscosity * f) * viscous_term(
                         velocity[j] - mirror_velocity[w], d, r2 + params.tiny, params.inv_h
                     )

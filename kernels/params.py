@@ -17,7 +17,6 @@ def make_params(dimension: int, precision: str) -> Any:
     class Params:
         h: real  # smoothing length [m]
         inv_h: real  # 1/h [1/m]
-        w_norm: real  # alpha/h^d, times shape(q) gives W [1/m^d]
         g_norm: real  # alpha/h^(d+2), times slope(q) gives W'/r [1/m^(d+2)]
         spacing: real  # particle spacing [m]
         wall_volume: real  # volume of a wall particle [m^d]

@@ -3,6 +3,9 @@
     p_w = sum_f (p_f + rho_f g.(x_w - x_f)) W / sum_f W
     v_mirror = v_w + (v_w - <v>) depth / (<distance> - depth),  <.> = sum_f . W / sum_f W
 
+Scenes of several fluids use p_w for output alone: there each fluid particle meets the wall with the one-sided state of its
+own fluid, p_i + rho_i g.(x_w - x_i), in the momentum sweep.
+
 depth is how far the wall particle is behind the surface; where it is not known (obstacles) v_mirror = 2 v_w - <v>.
 """
 

@@ -171,7 +171,6 @@ class Setup:
         alpha = KERNELS[spec.kernel].alpha[d - 1]
         params.h = self.h
         params.inv_h = 1.0 / self.h
-        params.w_norm = alpha / self.h**d
         params.g_norm = alpha / self.h ** (d + 2)
         params.spacing = spacing
         params.wall_volume = spacing**d

@@ -119,7 +119,6 @@ class Model:
         params = make_params(d, spec.precision)()
         params.h = h
         params.inv_h = 1.0 / h
-        params.w_norm = alpha / h**d
         params.g_norm = alpha / h ** (d + 2)
         params.spacing = case.spacing
         params.wall_volume = geometry.lattice.cell_volume

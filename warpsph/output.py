@@ -20,7 +20,6 @@ import json
 import math
 import os
 import queue
-import shutil
 import threading
 import xml.etree.ElementTree as xml
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -539,10 +538,6 @@ class RunFolder:
             return json.loads(self.summary_path.read_text(encoding="utf-8"))
         except (OSError, ValueError) as error:
             raise OutputError(f"{self.summary_path}: cannot be read: {error}") from error
-
-    def free_bytes(self) -> int:
-        """Space left on the folder's disk [bytes]."""
-        return shutil.disk_usage(self.path).free
 
     def close(self) -> None:
         """Give the folder up."""

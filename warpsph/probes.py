@@ -13,8 +13,6 @@ import numpy as np
 
 from warpsph.snapshot import Snapshot
 
-CHUNK = 4_000_000  # point-particle pairs looked at together
-
 
 def sample(
     snapshot: Snapshot, points: np.ndarray, fields: Sequence[str], support: float, box: Sequence[float]

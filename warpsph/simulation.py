@@ -54,7 +54,7 @@ SAME_CASE = "restart with the case of its run"
 # What a checkpoint was made of; a restart may change anything else.
 SCENE = ("dimension", "particle_spacing", "precision", "domain", "fluids", "obstacles")
 # Million particle-steps per second to expect where nothing was measured yet, for the estimate of `check`.
-GUESSED_RATE = {"cpu": 2.0, "cuda": 300.0}
+GUESSED_RATE = 2.0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -670,7 +670,7 @@ def estimate(case: Case) -> dict[str, Any]:
         "memory_bytes": memory,
         "dt": dt,
         "steps": steps,
-        "seconds": steps * geometry.count / (GUESSED_RATE["cpu"] * 1e6),
+        "seconds": steps * geometry.count / (GUESSED_RATE * 1e6),
         "warnings": [*geometry.warnings, *physics.warnings],
     }
 

@@ -75,7 +75,6 @@ class Stepper:
         self.list = NeighbourList(particles, launcher, self.bindings, **neighbour_list)
         self._views = (self.clock.numpy(), self.counters.numpy()) if launcher.is_cpu else None
         self._graph: Any = None
-        self.graph_builds = 0
         self._bind()
 
     def _bind(self) -> None:
@@ -268,4 +267,3 @@ class Stepper:
             wp.capture_if(care, care_for_list)
             wp.capture_while(running, body)
         self._graph = capture.graph
-        self.graph_builds += 1
