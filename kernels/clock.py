@@ -33,7 +33,13 @@ CHECK_TIME = 18  # time of that check [s]
 CHECK_LASTS = 19  # how long it holds [s]
 DRIFT_SPEED = 20  # bound on how far any velocity has changed since that check [m/s]
 DRIFT = 21  # bound on how far any particle is from where that check predicted it [m]
-CLOCK_SIZE = 22
+MOMENTUM = 22  # 3 entries: mean velocity of a periodic box at time 0 [m/s]
+DRIFT_VELOCITY = 25  # 3 entries: velocity that the next kick adds to every particle [m/s]
+SINCE_RARE = 28  # time since the rare stages ran [s]
+RARE_WAY = 29  # way that the fastest particle may have gone since then [m]
+RARE_LIMIT = 30  # way after which they run again [m]
+RARE_CAP = 31  # time after which they run again [s]
+CLOCK_SIZE = 32
 
 # counters: int32
 STEPS = 0
@@ -45,13 +51,14 @@ STEP_LIMIT = 5  # hand back to the host after this step
 BAND_COUNT = 6  # particles in the interface band
 REBUILDS = 7
 LIST_PEAK = 8  # longest list so far
-SINCE_CONSTRAINT = 9  # steps since the volume was last checked
+STEPS_SINCE_RARE = 9  # steps since the rare stages ran
 CHECK = 10  # the list has to be checked, see `slack`
 CHECKS = 11
 CARE = 12  # the list has to be checked or rebuilt
 STRAIGHT = 13  # when the list gets doubtful, rebuild it without a check
 USELESS = 14  # checks in a row that found nothing right after a rebuild
-COUNTERS_SIZE = 15
+RARE = 15  # the rare stages run in the coming step
+COUNTERS_SIZE = 16
 RETRY = 8  # rebuilds after which a useless check is tried again
 
 MAXIMA = 4  # per thread: speed^2, acceleration^2, displacement^2, shift^2
@@ -62,7 +69,7 @@ SHORTEST = 3.0  # steps that a check must last to be better than a rebuild
 FAULT_STATE = 1
 FAULT_LIST = 2
 NO_PARTICLE = 2147483647
-CONSTRAINT_INTERVAL = 5
+RARE_INTERVAL = 5  # steps from one run of the rare stages to the next, at most
 FOLDS = 64  # groups of partial volume sums
 
 
@@ -112,6 +119,18 @@ def make_advance(precision: str) -> Any:
             clock[TIME] = clock[TIME] + clock[STEP]
             clock[LAST_STEP] = clock[STEP]
             counters[STEPS] = counters[STEPS] + 1
+            counters[STEPS_SINCE_RARE] = counters[STEPS_SINCE_RARE] + 1
+            clock[SINCE_RARE] = clock[SINCE_RARE] + clock[STEP]
+            clock[RARE_WAY] = clock[RARE_WAY] + clock[SPEED] * clock[STEP] + clock[SHIFT]
+            if counters[RARE] == 1:
+                counters[STEPS_SINCE_RARE] = 0
+                clock[SINCE_RARE] = wp.float64(0.0)
+                clock[RARE_WAY] = wp.float64(0.0)
+            else:
+                # what the constraints asked for has been done once
+                clock[EXCESS_PRESSURE] = wp.float64(0.0)
+                for axis in range(3):
+                    clock[DRIFT_VELOCITY + axis] = wp.float64(0.0)
         speed = clock[SPEED]
         acceleration = clock[ACCELERATION]
         dt = wp.min(clock[STEP_CAP], clock[COURANT] / (clock[SOUND] + speed))
@@ -131,6 +150,15 @@ def make_advance(precision: str) -> Any:
         elif left < wp.float64(2.0) * dt:
             dt = wp.float64(0.5) * left  # no sliver of a last step
         clock[STEP] = dt
+        # Constraints and interface geometry follow the flow, which is slower than sound: they need no new look until a
+        # particle has gone a part of h, or capillary waves have had time to move.
+        counters[RARE] = 0
+        if counters[STEPS_SINCE_RARE] + 1 >= RARE_INTERVAL:
+            counters[RARE] = 1
+        if clock[RARE_WAY] + (speed + kick) * dt + clock[SHIFT] > clock[RARE_LIMIT]:
+            counters[RARE] = 1
+        if clock[SINCE_RARE] + dt > clock[RARE_CAP]:
+            counters[RARE] = 1
         # Half a skin of absolute displacement, or what the last check allows for: one of both must outlast the step.
         way = clock[OFFSET] + (speed + kick) * dt + clock[SHIFT]
         drift = clock[DRIFT] + (clock[DRIFT_SPEED] + kick) * dt + clock[SHIFT]

@@ -49,7 +49,7 @@ def make_state(spec: Spec) -> Any:
 @functools.cache
 def make_continuity(spec: Spec) -> Any:
     """Return the continuity sweep of a `Spec`: reads the old state, writes density excess and new state."""
-    real, vec, _, pair = types_of(spec)
+    real, vec, mat, pair = types_of(spec)
     Params = make_params(spec.dimension, spec.precision)
     Phase = make_phase(spec.precision)
     eos = make_eos(spec.precision)
@@ -61,6 +61,7 @@ def make_continuity(spec: Spec) -> Any:
     periodic = any(spec.periodic)
     jumps = spec.tension == "pressure_jump"
     spray = spec.free_surface and not spec.multiphase
+    sided = spec.multiphase and not spec.paper_star
     sparse = 0.4 * spec.dimension  # of `crowd`: fewer neighbours than a particle on a free surface has
 
     @wp.kernel(module="unique", enable_backward=False, module_options=SWEEP_OPTIONS)
@@ -72,6 +73,7 @@ def make_continuity(spec: Spec) -> Any:
         phases: wp.array(dtype=Phase),
         tension: wp.array(dtype=real),
         clock: wp.array(dtype=wp.float64),
+        velocity_gradient: wp.array(dtype=mat),
         neighbours: wp.array(dtype=int),
         fluid_neighbours: wp.array(dtype=wp.int16),
         wall_neighbours: wp.array(dtype=wp.int16),
@@ -142,10 +144,14 @@ def make_continuity(spec: Spec) -> Any:
                         inv_r = real(1.0) / wp.max(r, real(1.0e-6) * params.h)
                         u_i = -wp.dot(vi, d) * inv_r
                         u_j = -wp.dot(velocity[j], d) * inv_r
+                        if wp.static(sided):
+                            # both states in the middle of the pair, each from its own side (`interface_flow`)
+                            u_i += real(0.5) * inv_r * wp.dot(velocity_gradient[i] * d, d)
+                            u_j -= real(0.5) * inv_r * wp.dot(velocity_gradient[j] * d, d)
                         u_star = star_velocity(
                             u_i, u_j, own.density, other.density, own.impedance, other.impedance, params.dissipation * dp
                         )
-                        rate -= real(2.0) * f * r * (u_i - u_star)
+                        rate += real(2.0) * f * (wp.dot(vi, d) + r * u_star)
         while k < end:
             j = neighbours[k]
             k += step

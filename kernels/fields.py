@@ -44,6 +44,14 @@ def _tension(spec: Spec) -> bool:
     return spec.tension != "none"
 
 
+def _contact(spec: Spec) -> bool:
+    return spec.contact_angle
+
+
+def _sided(spec: Spec) -> bool:
+    return spec.multiphase and not spec.paper_star
+
+
 def _flagged(spec: Spec) -> bool:
     return spec.multiphase or any(spec.periodic)
 
@@ -54,7 +62,7 @@ class Field:
 
     Attributes:
         name: also the argument name in kernels.
-        kind: "real", "vec", "pair" (pressure, volume), "int8", "uint8", "int16" or "int32".
+        kind: "real", "vec", "mat", "pair" (pressure, volume), "int8", "uint8", "int16" or "int32".
         rows: "fluid", "wall" or "all"; fluid rows come before wall rows.
         kept: part of the state between steps: follows the sort and is written to checkpoints.
         exists: whether a `Spec` has the field.
@@ -91,7 +99,10 @@ FIELDS: tuple[Field, ...] = (
     Field("phase", "int8", "fluid", True, _multiphase, "-", "index of the fluid phase"),
     Field("shift", "vec", "fluid", True, _shifting, "m", "shift to apply in the next drift"),
     Field("carried", "vec", "fluid", True, _shifting, "m/s", "change of velocity that belongs to the shift"),
+    Field("velocity_gradient", "mat", "fluid", False, _sided, "1/s", "grad v of the own phase, next to an interface"),
+    Field("facing", "vec", "fluid", False, _sided, "-", "unit vector to the other phases, next to an interface"),
     Field("fraction", "real", "fluid", False, _interface, "-", "share of the own phase around a particle"),
+    Field("contact_cosine", "real", "fluid", False, _contact, "-", "of the contact angle of its own phase"),
     Field("normal", "vec", "fluid", True, _interface, "1/m", "gradient of the own phase's share"),
     Field("interface_weight", "real", "fluid", True, _interface, "-", "(|normal| h)^2, zero away from interfaces"),
     Field("curvature", "real", "fluid", True, _tension, "1/m", "of the interface, positive if the own phase is convex"),

@@ -12,7 +12,7 @@ from typing import Any
 
 import warp as wp
 
-from .clock import EXCESS_PRESSURE, LAST_STEP, MAXIMA, RUNAWAY, STEP
+from .clock import DRIFT_VELOCITY, EXCESS_PRESSURE, LAST_STEP, MAXIMA, RUNAWAY, STEP
 from .params import make_phase
 from .spec import Spec, types_of
 
@@ -46,6 +46,9 @@ def make_kick_drift(spec: Spec) -> Any:
     ):
         i = wp.tid() + first
         v = velocity[i] + acceleration[i] * real(wp.float64(0.5) * (clock[STEP] + clock[LAST_STEP]))
+        if wp.static(spec.momentum_constraint):
+            for axis in range(wp.static(spec.dimension)):
+                v[axis] += real(clock[DRIFT_VELOCITY + axis])
         v_step = v
         way = offset[i] + v * real(clock[STEP])
         if wp.static(spec.shifting):

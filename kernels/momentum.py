@@ -38,6 +38,15 @@ def make_momentum(spec: Spec) -> Any:
     jumps = spec.tension == "pressure_jump"
     body_tension = spec.tension == "body_force"
     dimension = float(spec.dimension)
+    sided = spec.multiphase and not spec.paper_star
+    # Share of the acoustic impact pressure Z_i Z_j/(Z_i + Z_j) (u_i - u_j): all of it is stable up to dt = 1.05 h/c alone
+    # (methods A9), and the light particle of a pair takes it twice over.
+    impact_share = 0.25
+    # How much more than its volume a particle of another phase counts for the shift. At rest nothing else holds two phases
+    # apart: pressure and jump are in balance for any arrangement, and noise would mix them (measured on a drop of density
+    # ratio 1 in a nearly inviscid fluid, 6 particles a radius: dispersed without, whole from 0.1 on). More of it opens the
+    # interface: 0.25 adds 1 % to the jump of a drop of 13 particles a radius.
+    apart = 0.1
     smallest_moment = 0.1  # determinant below which a neighbourhood is too thin to correct
 
     @wp.kernel(module="unique", enable_backward=False, module_options=SWEEP_OPTIONS)
@@ -68,6 +77,7 @@ def make_momentum(spec: Spec) -> Any:
         acceleration: wp.array(dtype=vec),
         shift: wp.array(dtype=vec),
         carried: wp.array(dtype=vec),
+        facing: wp.array(dtype=vec),
         maxima: wp.array(dtype=real),
     ):
         i = wp.tid() + first
@@ -93,7 +103,7 @@ def make_momentum(spec: Spec) -> Any:
         pressure_sum = vec()  # sum of (p*) or (p* - p_i), times 2 F V x_ij
         own_sum = vec()  # the same over the own phase alone: its pressure gradient carries the density in a shift
         viscous_sum = vec()
-        even = vec()  # sum of F V x_ij, zero on an even arrangement
+        even = vec()  # sum of F V x_ij, zero on an even arrangement; other phases with an extra weight
         flow = mat()  # sum of (v_j - v_i) (x) F V x_ij over the own phase: its velocity gradient
         repulsion = vec()
         moment = mat()
@@ -132,12 +142,23 @@ def make_momentum(spec: Spec) -> Any:
                             if wp.static(spec.shifting):
                                 own_sum += (state_j[0] - p_i) * fd
                     else:
+                        if wp.static(spec.shifting):
+                            even += real(apart) * fd
                         other = phases[other_phase]
                         jump = real(0.0)
                         if wp.static(jumps):
                             sigma = tension[own_phase * phases.shape[0] + other_phase]
                             jump = laplace_jump(sigma, kappa_i, curvature[j], w_i, interface_weight[j])
                         p_star = star_pressure(p_i, state_j[0], own.density, other.density, jump)
+                        if wp.static(sided):
+                            # Directions that do not oppose: no common interface, one of the two is a splinter of a few
+                            # particles in the other phase, or a film of one row. Its own phase does not hold it, and the
+                            # weighted p* is all but its own pressure: without the impact term of the Riemann problem it
+                            # would fly through the other phase like a bullet.
+                            alone = wp.clamp(real(1.0) + real(2.0) * wp.dot(facing[i], facing[j]), real(0.0), real(2.0))
+                            z = own.impedance * other.impedance / (own.impedance + other.impedance)
+                            impact = wp.dot(vi - velocity[j], d) / wp.sqrt(r2 + params.tiny)
+                            p_star -= (real(impact_share) * alone) * z * impact
                         if wp.static(spec.corrected):
                             p_star -= p_i
                         pressure_sum += (real(2.0) * p_star) * fd

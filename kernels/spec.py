@@ -31,6 +31,7 @@ class Spec:
         wall_no_slip: some wall exerts viscous friction (then `viscosity` is not "none").
         viscosity: "none", "morris", "radial" or "paper".
         tension: "none", "pressure_jump" or "body_force".
+        contact_angle: interfaces meet walls at given angles.
         interface: interface normals are evaluated: with tension in every step, else where a gauge asks for them.
         corrected: corrected ("minus") pressure gradient instead of the conservative ("plus") one.
         paper_star: arithmetic star states of the printed scheme at interfaces.
@@ -38,6 +39,7 @@ class Spec:
         body_force: an acceleration that pressure does not balance acts.
         shifting: particles are shifted towards an even arrangement.
         volume_constraint: the mean pressure follows from the volume of a closed domain.
+        momentum_constraint: the total momentum of a periodic box is kept.
         interface_force: pair force that keeps phases apart.
         dissipation: the pressure difference enters the star velocity.
         free_surface: an axis is open, so that wall pressure never pulls.
@@ -53,6 +55,7 @@ class Spec:
     wall_no_slip: bool = False
     viscosity: str = "none"
     tension: str = "none"
+    contact_angle: bool = False
     interface: bool = False
     corrected: bool = False
     paper_star: bool = False
@@ -60,6 +63,7 @@ class Spec:
     body_force: bool = False
     shifting: bool = False
     volume_constraint: bool = False
+    momentum_constraint: bool = False
     interface_force: bool = False
     dissipation: bool = True
     free_surface: bool = False

@@ -9,7 +9,7 @@ from typing import Any
 
 import warp as wp
 
-from .clock import BOX_VOLUME, CONSTRAINT_INTERVAL, EXCESS_PRESSURE, FOLDS, SINCE_CONSTRAINT
+from .clock import BOX_VOLUME, EXCESS_PRESSURE, FOLDS
 from .params import make_phase
 from .spec import Spec, types_of
 
@@ -28,15 +28,12 @@ def make_volume(spec: Spec) -> tuple[Any, Any, Any]:
         first: int,
         block_count: int,
         fluid_count: int,
-        counters: wp.array(dtype=int),
         phases: wp.array(dtype=Phase),
         phase: wp.array(dtype=wp.int8),
         state: wp.array(dtype=pair),
         volume_sums: wp.array(dtype=wp.vec2d),
     ):
         block = wp.tid() + first
-        if counters[SINCE_CONSTRAINT] + 1 < CONSTRAINT_INTERVAL:
-            return
         n = fluid_count
         k = block
         step = block_count
@@ -62,13 +59,10 @@ def make_volume(spec: Spec) -> tuple[Any, Any, Any]:
     def fold_volume(
         first: int,
         block_count: int,
-        counters: wp.array(dtype=int),
         volume_sums: wp.array(dtype=wp.vec2d),
         volume_folds: wp.array(dtype=wp.vec2d),
     ):
         fold = wp.tid() + first
-        if counters[SINCE_CONSTRAINT] + 1 < CONSTRAINT_INTERVAL:
-            return
         total = wp.vec2d()
         k = fold
         while k < block_count:
@@ -79,17 +73,11 @@ def make_volume(spec: Spec) -> tuple[Any, Any, Any]:
     @wp.kernel(module="unique", enable_backward=False)
     def close_volume(
         clock: wp.array(dtype=wp.float64),
-        counters: wp.array(dtype=int),
         volume_folds: wp.array(dtype=wp.vec2d),
     ):
-        since = counters[SINCE_CONSTRAINT] + 1
-        clock[EXCESS_PRESSURE] = wp.float64(0.0)
-        if since >= CONSTRAINT_INTERVAL:
-            since = 0
-            total = wp.vec2d()
-            for fold in range(FOLDS):
-                total += volume_folds[fold]
-            clock[EXCESS_PRESSURE] = (total[0] - clock[BOX_VOLUME]) / total[1]
-        counters[SINCE_CONSTRAINT] = since
+        total = wp.vec2d()
+        for fold in range(FOLDS):
+            total += volume_folds[fold]
+        clock[EXCESS_PRESSURE] = (total[0] - clock[BOX_VOLUME]) / total[1]
 
     return sum_volume, fold_volume, close_volume

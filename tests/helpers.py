@@ -102,6 +102,7 @@ class Setup:
         phase: index into `fluids`.
         walls: (m, d) wall positions; wall_velocity, slip: theirs.
         tension: surface tension between any two phases [N/m].
+        cosines: (phases, phases) cosine of the contact angle of the row's phase against the column's.
         dissipation, shifting, zeta: numbers of `Params`.
     """
 
@@ -126,6 +127,7 @@ class Setup:
         gravity=0.0,
         body_force=0.0,
         tension=0.0,
+        cosines=None,
         dissipation=1.0,
         shifting=0.02,
         shift_cap=0.01,
@@ -203,6 +205,9 @@ class Setup:
             "params": params,
             "phases": wp.array(rows, dtype=Phase, device=self.device),
             "tension": wp.array(matrix.ravel(), dtype=real, device=self.device),
+            "contact_angles": wp.array(
+                np.ravel(0.0 * matrix if cosines is None else cosines), dtype=real, device=self.device
+            ),
         }
         # cells are made for finite boxes; an axis on which all particles lie needs some width too
         room = [0.0 if p else 1e-9 + 0.5 * spacing for p in spec.periodic]
@@ -225,6 +230,8 @@ class Setup:
         clock[ck.CHECK_LASTS] = -1.0
         clock[ck.BOX_VOLUME] = float(volume.sum())
         clock[ck.RUNAWAY] = 10.0 * clock[ck.SOUND]
+        clock[ck.RARE_LIMIT] = 0.05 * self.h
+        clock[ck.RARE_CAP] = math.inf
         self.clock = clock
         self.counters = np.zeros(ck.COUNTERS_SIZE, dtype=np.int32)
         self.counters[ck.FAULT_PARTICLE] = ck.NO_PARTICLE
@@ -344,8 +351,8 @@ class Bench(Setup):
             self.launcher.task(stage.name, kernel, count, self.bindings, start, single=True).run()
 
     def prepare(self):
-        """Run what a momentum sweep needs: wall state, interface geometry."""
-        self.run(*riemann.before_momentum(self.spec))
+        """Run what a momentum sweep needs: flow beside interfaces, wall state, interface geometry."""
+        self.run(*riemann.start(self.spec)[:-1])
 
     def acceleration(self, dt=1.0):
         """Run the momentum sweep; return the acceleration, (fluid, d) [m/s^2]."""

@@ -30,6 +30,7 @@ if TYPE_CHECKING:
         OutputError,
         WarpsphError,
     )
+    from warpsph.movie import make_movie
     from warpsph.plot import plot_run
     from warpsph.simulation import Simulation, run
     from warpsph.snapshot import Snapshot
@@ -46,6 +47,7 @@ _PUBLIC = {
     "Snapshot": "warpsph.snapshot",
     "WarpsphError": "warpsph.errors",
     "load_case": "warpsph.case_file",
+    "make_movie": "warpsph.movie",
     "plot_run": "warpsph.plot",
     "run": "warpsph.simulation",
 }
@@ -62,6 +64,7 @@ __all__ = [
     "WarpsphError",
     "__version__",
     "load_case",
+    "make_movie",
     "plot_run",
     "run",
 ]

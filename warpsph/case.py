@@ -14,6 +14,7 @@ Numbers may be written as arithmetic text ("2/52"). A key whose value is `auto` 
 from __future__ import annotations
 
 import difflib
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, Self
@@ -68,11 +69,13 @@ __all__ = [
     "PARTICLE_FIELDS",
     "SAMPLED_FIELDS",
     "SUPPORT_RATIO",
+    "VALIDATION_LEVELS",
     "AxisBoundary",
     "Boundary",
     "Box",
     "Case",
     "CheckpointOutput",
+    "ContourGauge",
     "Curve",
     "Curves",
     "Domain",
@@ -81,6 +84,7 @@ __all__ = [
     "Fluid",
     "Gauge",
     "InterfaceLengthGauge",
+    "InterfaceLine",
     "LineGauge",
     "MomentumGauge",
     "Numerics",
@@ -89,19 +93,25 @@ __all__ = [
     "ParticleOutput",
     "Phase",
     "PhasePressureGauge",
+    "PhaseVelocityGauge",
     "PointsGauge",
     "Polygon",
     "Reference",
     "ReferenceCurve",
     "ReferenceCurves",
     "ReferenceExact",
+    "ReferenceInterface",
     "ReferenceValue",
     "Scales",
     "Shape",
     "Side",
     "Sphere",
     "Start",
+    "StraysGauge",
     "SurfaceTension",
+    "Validation",
+    "ValidationFigure",
+    "ValidationRun",
     "WallForceGauge",
     "Where",
     "case_schema",
@@ -446,14 +456,26 @@ class SurfaceTension(CaseModel):
         description="the two phases", examples=["[gas, liquid]"]
     )
     coefficient: NonNegativeNumber = Field(description="surface tension, N/m", examples=["0.07"])
+    contact_angle: Annotated[float | None, NumberRule(above=0, below=180, none=True)] = Field(
+        default=None,
+        description="contact angle: between a wall and the interface that meets it, inside the first-named phase, degrees "
+        "(default none: walls take no part)",
+        examples=["60"],
+    )
 
 
 class Start(CaseModel):
     """The state at time 0."""
 
+    arrangement: Annotated[Literal["auto", "lattice", "fitted"], ChoiceRule()] = Field(
+        default="auto",
+        description="lattice: particles in the middle of square cells; fitted: in rows along the interfaces, half a "
+        "spacing from them, evenly spaced elsewhere. auto: fitted where an interface between two phases runs through cells",
+        examples=["lattice"],
+    )
     noise: Annotated[float, NumberRule(least=0, most=0.3)] = Field(
         default=0.0,
-        description="random displacement of fluid particles, fraction of particle_spacing",
+        description="random displacement of fluid particles, fraction of particle_spacing; also from a fitted arrangement",
         examples=["0.2"],
     )
     seed: Annotated[int, NumberRule(least=0, most=2**31 - 1, integer=True)] = Field(
@@ -541,7 +563,7 @@ class Numerics(CaseModel):
     unlock: Annotated[float | _Auto, NumberRule(least=0, most=0.3, auto=True)] = Field(
         default="auto",
         description="random displacement at the start that breaks the symmetry of a lattice, fraction of "
-        "particle_spacing; start.noise counts if it is larger. auto: 0.05 with corrected, 0 with conservative",
+        "particle_spacing; start.noise counts if it is larger. auto: 0.05 with corrected on a lattice, else 0",
         examples=["0"],
     )
     volume_constraint: Annotated[bool | _Auto, BeforeValidator(lambda v: _as_switch(v))] = Field(
@@ -684,6 +706,29 @@ class ExtentsGauge(_Gauge):
     type: Literal["extents"] = Field(description="extents of each phase")
 
 
+class ContourGauge(_Gauge):
+    """The line around each phase (2-D)."""
+
+    type: Literal["contour"] = Field(description="the line around each phase (2-D)")
+    mirror: Annotated[Literal["x", "y"] | None, ChoiceRule(none=True)] = Field(
+        default=None,
+        description="axis across which the scene is symmetric about the middle of the domain: adds asymmetry",
+        examples=["x"],
+    )
+
+
+class PhaseVelocityGauge(_Gauge):
+    """Mean velocity of each phase."""
+
+    type: Literal["phase_velocity"] = Field(description="mean velocity of each phase")
+
+
+class StraysGauge(_Gauge):
+    """Particles that have left their phase."""
+
+    type: Literal["strays"] = Field(description="particles without company of their own phase")
+
+
 class WallForceGauge(_Gauge):
     """Force of the fluid on the walls."""
 
@@ -723,6 +768,9 @@ GAUGES: dict[str, type[_Gauge]] = {
     "phase_pressure": PhasePressureGauge,
     "interface_length": InterfaceLengthGauge,
     "extents": ExtentsGauge,
+    "contour": ContourGauge,
+    "phase_velocity": PhaseVelocityGauge,
+    "strays": StraysGauge,
     "wall_force": WallForceGauge,
     "points": PointsGauge,
     "line": LineGauge,
@@ -758,6 +806,9 @@ Gauge = Annotated[
     | Annotated[PhasePressureGauge, Tag("<phase_pressure>")]
     | Annotated[InterfaceLengthGauge, Tag("<interface_length>")]
     | Annotated[ExtentsGauge, Tag("<extents>")]
+    | Annotated[ContourGauge, Tag("<contour>")]
+    | Annotated[PhaseVelocityGauge, Tag("<phase_velocity>")]
+    | Annotated[StraysGauge, Tag("<strays>")]
     | Annotated[WallForceGauge, Tag("<wall_force>")]
     | Annotated[PointsGauge, Tag("<points>")]
     | Annotated[LineGauge, Tag("<line>")],
@@ -780,7 +831,14 @@ class _Reference(CaseModel):
 
 
 _Norm = Annotated[Literal["max", "rms", "final"], ChoiceRule()]
-_RelativeTo = Annotated[Literal["peak", "pointwise", "initial"], ChoiceRule()]
+_RelativeTo = Annotated[Literal["peak", "pointwise", "initial", "absolute"], ChoiceRule()]
+_Window = Annotated[tuple[NonNegativeNumber, ...], BeforeValidator(as_list), AfterValidator(time_window)]
+
+
+def _interval(ends: tuple[float, ...]) -> tuple[float, ...]:
+    if len(ends) != 2 or ends[0] >= ends[1]:
+        raise bad_value("needs two distances, the smaller one first", "write e.g. between: [0.1, 0.4]")
+    return ends
 
 
 class ReferenceValue(_Reference):
@@ -790,15 +848,28 @@ class ReferenceValue(_Reference):
     column: StrictStr = Field(
         description="column of the gauge, or arithmetic of columns", examples=["kinetic"]
     )
-    reduce: Annotated[Literal["mean", "max", "min", "final", "rms", "period"], ChoiceRule()] = Field(
-        default="mean", description="how the column becomes one number", examples=["mean"]
-    )
-    window: (
-        Annotated[tuple[NonNegativeNumber, ...], BeforeValidator(as_list), AfterValidator(time_window)] | None
-    ) = Field(
+    reduce: Annotated[
+        Literal[
+            "mean", "max", "min", "final", "rms", "farthest", "change", "period",
+            "peak", "peak_time", "trough", "trough_time", "slope",
+        ],
+        ChoiceRule(),
+    ] = Field(
+        default="mean",
+        description="how the column becomes one number. farthest: the value farthest from the reference; change: the "
+        "largest relative change since the first row; peak, trough and their times: of the cubic through the rows of the "
+        "window; slope: of a line gauge, at its last time",
+        examples=["mean"],
+    )  # fmt: skip
+    window: _Window | None = Field(
         default=None,
         description="first and last time that count, s (default: the whole run)",
         examples=["[1, 2]"],
+    )
+    between: Annotated[tuple[NonNegativeNumber, ...], BeforeValidator(as_list), AfterValidator(_interval)] | None = Field(
+        default=None,
+        description="slope: part of the line that counts, distances from its `from`, m (default: all of it)",
+        examples=["[0.1, 0.4]"],
     )
     value: Number = Field(description="the reference, in the unit of the column", examples=["1.72"])
 
@@ -823,9 +894,16 @@ class ReferenceCurve(_Reference):
         description="column of the gauge, or arithmetic of columns", examples=["kinetic"]
     )
     curve: Curve = Field(description="the reference curve", examples=["{file: x.csv, time: t_s, value: KE}"])
+    window: _Window | None = Field(
+        default=None,
+        description="first and last time that count, s (default: what both the run and the curve cover)",
+        examples=["[1, 2]"],
+    )
     norm: _Norm = Field(default="max", description="how the deviations become one number", examples=["max"])
     relative_to: _RelativeTo = Field(
-        default="peak", description="what the error is divided by", examples=["peak"]
+        default="peak",
+        description="what the error is divided by; absolute: by nothing, in the unit of the column",
+        examples=["peak"],
     )
 
 
@@ -875,7 +953,9 @@ class ReferenceCurves(_Reference):
     )
     norm: _Norm = Field(default="max", description="how the deviations become one number", examples=["max"])
     relative_to: _RelativeTo = Field(
-        default="peak", description="what the error is divided by", examples=["peak"]
+        default="peak",
+        description="what the error is divided by; absolute: by nothing, in the unit of the column",
+        examples=["peak"],
     )
 
 
@@ -904,7 +984,41 @@ class ReferenceExact(_Reference):
     )
 
 
-REFERENCES = ("value", "curve", "curves", "exact")
+class InterfaceLine(CaseModel):
+    """A reference interface (2-D) in a CSV file, each row a segment x1, y1, x2, y2."""
+
+    file: StrictStr = Field(description="CSV file, relative to the case file", examples=["reference/x.csv"])
+    time: NonNegativeNumber = Field(description="its time, s; there has to be a particle file of it", examples=["1.0"])
+    scale: PositiveNumber = Field(default=1.0, description="length of the file's unit, m", examples=["0.1"])
+    offset: Vector = Field(
+        default=(), description="where the file's origin is in the scene, m (default zero)", examples=["[0, 0]"]
+    )
+    mirror: Annotated[float | None, NumberRule(none=True)] = Field(
+        default=None,
+        description="x of an axis of symmetry, m: the file holds one half",
+        examples=["0"],
+    )
+
+
+class ReferenceInterface(_Reference):
+    """The particles of a phase against an interface: those on the wrong side of it."""
+
+    phase: Name = Field(
+        description="phase on that side from which a ray upwards (+y) crosses the interface an odd number of times: the "
+        "inside of a closed line, the lower side of one from wall to wall",
+        examples=["gas"],
+    )
+    interface: InterfaceLine = Field(
+        description="the reference interface", examples=["{file: reference/x.csv, time: 1.0}"]
+    )
+    relative_to: Annotated[Literal["domain", "phase"], ChoiceRule()] = Field(
+        default="domain",
+        description="what the area on the wrong side is divided by: that of all fluid, or that of the phase",
+        examples=["domain"],
+    )
+
+
+REFERENCES = ("value", "curve", "curves", "exact", "interface")
 
 
 def _reference_kind(value: Any) -> str:
@@ -915,7 +1029,7 @@ def _reference_kind(value: Any) -> str:
 def _check_reference_kind(value: Any) -> Any:
     if isinstance(value, _Reference):
         return value
-    options = "needs exactly one of value, curve, curves, exact"
+    options = f"needs exactly one of {', '.join(REFERENCES)}"
     if not isinstance(value, Mapping):
         raise bad_value("needs a mapping", "write e.g. {gauge: energy, column: kinetic, value: 1}")
     found = [kind for kind in REFERENCES if kind in value]
@@ -932,10 +1046,106 @@ Reference = Annotated[
     Annotated[ReferenceValue, Tag("<value>")]
     | Annotated[ReferenceCurve, Tag("<curve>")]
     | Annotated[ReferenceCurves, Tag("<curves>")]
-    | Annotated[ReferenceExact, Tag("<exact>")],
+    | Annotated[ReferenceExact, Tag("<exact>")]
+    | Annotated[ReferenceInterface, Tag("<interface>")],
     Discriminator(_reference_kind),
     BeforeValidator(_check_reference_kind),
 ]
+
+
+# ----------------------------------------------------------------------------------------------------------
+# validation
+
+
+VALIDATION_LEVELS = ("quick", "seed", "fine")
+"""How much work a validation is: minutes on a CPU, the resolution of the published study, finer on a GPU."""
+
+_RUN_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.+=/ -]{0,39}")
+
+
+def _as_run_name(value: Any) -> str:
+    """Names of runs stand in tables and, with _ for what a file name cannot hold, name folders."""
+    if not isinstance(value, str):
+        raise bad_value("needs text", f'write name: "{value}"' if isinstance(value, int | float) else "")
+    if not _RUN_NAME.fullmatch(value):
+        raise bad_value("needs 1 to 40 letters, digits, blanks and _ . + = / -, a letter or digit first")
+    return value
+
+
+def _as_changes(value: Any) -> Any:
+    """Changes with dotted text as keys and, as elsewhere in a case, `none` for nothing."""
+    changes = {}
+    for key, item in as_mapping(value).items():
+        if not isinstance(key, str) or not all(key.split(".")):
+            raise bad_value("needs dotted paths as keys", "write e.g. {phases.water.density: 900}")
+        section = key.split(".")[0]
+        if section == "validation" or section not in Case.model_fields:
+            known = [name for name in Case.model_fields if name != "validation"]
+            raise bad_value(f"{key} does not begin with a section of the case", suggestion(section, known))
+        changes[key] = "none" if item is None else item
+    return changes
+
+
+class ValidationRun(CaseModel):
+    """One run of a case with some of its values changed."""
+
+    name: Annotated[StrictStr, BeforeValidator(_as_run_name)] = Field(
+        description="name of the run in tables and folders", examples=['"100"']
+    )
+    changes: Annotated[Mapping[str, Any], FreezeMapping(), BeforeValidator(_as_changes)] = Field(
+        default_factory=FrozenDict,
+        description="dotted path -> value, as with --set; none takes an entry of reference or gauges out",
+        examples=["{particle_spacing: 2/100, reference.pressure_jump.allowed: 0.01}"],
+    )
+
+
+def _different_runs(runs: tuple[ValidationRun, ...]) -> tuple[ValidationRun, ...]:
+    """Two runs of a level must not share a folder."""
+    folders = [re.sub(r"[^a-z0-9.+=-]", "_", run.name.lower()) for run in runs]
+    for position, folder in enumerate(folders):
+        if folder in folders[:position]:
+            raise bad_value(f"has two runs with the name {runs[position].name}", "give each its own name")
+    return runs
+
+
+_Runs = Annotated[tuple[ValidationRun, ...], BeforeValidator(as_list), AfterValidator(_different_runs)]
+_THE_FILE = ValidationRun(name="default")
+
+
+class ValidationFigure(CaseModel):
+    """What the figure of each validation run shows of the particles, under the interfaces of `reference`."""
+
+    field: Annotated[Literal["phase", "speed", "pressure", "vorticity"], ChoiceRule()] = Field(
+        description="what colours the particles", examples=["phase"]
+    )
+    times: Times | None = Field(
+        default=None,
+        description="times of the pictures, s, rising (default: four from start to end)",
+        examples=["[0, 1, 2]"],
+    )
+
+
+class Validation(CaseModel):
+    """What `python -m warpsph validate` runs at each level. No part of a run itself."""
+
+    quick: _Runs = Field(
+        default=(_THE_FILE,),
+        description="runs that take minutes on a CPU (default: the file as it is)",
+        examples=['[{name: "52", changes: {}}]'],
+    )
+    seed: _Runs = Field(
+        default=(),
+        description="runs at the resolution of the published study",
+        examples=['[{name: "100", changes: {particle_spacing: 2/100}}]'],
+    )
+    fine: _Runs = Field(
+        default=(),
+        description="finer runs, for a GPU",
+        examples=['[{name: "200", changes: {particle_spacing: 2/200}}]'],
+    )
+    figure: ValidationFigure | None = Field(
+        default=None, description="pictures of the particles", examples=["{field: phase, times: [0, 1]}"]
+    )
 
 
 # ----------------------------------------------------------------------------------------------------------
@@ -1002,6 +1212,11 @@ class Case(CaseModel):
         description="comparisons with references by name",
         examples=["{decay: {gauge: energy, column: kinetic, reduce: final, value: 1}}"],
     )
+    validation: Validation = Field(
+        default_factory=Validation,
+        description="runs of the command validate",
+        examples=['{seed: [{name: "100", changes: {particle_spacing: 2/100}}]}'],
+    )
 
     _source_folder: Path | None = PrivateAttr(None)
 
@@ -1045,6 +1260,9 @@ class Case(CaseModel):
         fill(self.start, "velocity", (compile_expression("0.0"),) * self.dimension)
         for obstacle in self.obstacles:
             fill(obstacle, "velocity", zero)
+        for reference in self.reference.values():
+            if isinstance(reference, ReferenceInterface):
+                fill(reference.interface, "offset", zero)
         for axis in AXES:
             for side in (
                 getattr(self.domain.boundary, axis).lower,
@@ -1077,8 +1295,8 @@ class Case(CaseModel):
     def replace(self, changes: Mapping[str, Any]) -> Case:
         """A copy with other values, e.g. `case.replace({"numerics.courant": 0.3, "phases.gas.density": 2})`.
 
-        Keys are dotted paths, list positions are numbers (`fluids.0.phase`). The copy is validated like any
-        case. Raises CaseError.
+        Keys are dotted paths, list positions are numbers (`fluids.0.phase`); None takes an entry of `reference`
+        or `gauges` out (`{"reference.jump": None}`). The copy is validated like any case. Raises CaseError.
         """
         data = self.to_dict()
         problems = []
@@ -1110,6 +1328,7 @@ class Case(CaseModel):
         folder.
         """
         data = self.to_dict(defaults=True)
+        data.pop("validation", None)  # says nothing about this run
         self.make_files_absolute(data)
         chosen = {f"numerics.{key}": value for key, value in _automatic_choices(self).items()}
         for path, value in {**chosen, **(known or {})}.items():
@@ -1121,7 +1340,7 @@ class Case(CaseModel):
         if self.source_folder is None:
             return
         for reference in data.get("reference", {}).values():
-            for part in ("curve", "curves"):
+            for part in ("curve", "curves", "interface"):
                 if part in reference:
                     file = self.reference_file(reference[part]["file"])
                     reference[part]["file"] = str(file.resolve())
@@ -1210,12 +1429,14 @@ def _plain_case(value: Any) -> Any:
 
 
 _NONE_KEYS = frozenset({"maximum_step", "pressure", "particles", "checkpoint"})
+_REMOVABLE = ("reference", "gauges")
 
 
 def set_path(data: Any, path: str, value: Any) -> None:
     """Set, in place, the entry of nested dicts and lists that a dotted path names; missing mappings are made.
 
-    Raises CaseError if the path leads through something that is neither.
+    A value None, or the word none, takes an entry of `reference` or `gauges` out. Raises CaseError if the path leads
+    through something that is neither, or names no such entry.
     """
     keys = path.split(".")
     if not all(keys):
@@ -1223,6 +1444,14 @@ def set_path(data: Any, path: str, value: Any) -> None:
             [Problem(path or "(override)", value, "needs a dotted path such as a.b=c", "name every step")]
         )
     here = data
+    if len(keys) == 2 and keys[0] in _REMOVABLE and (value is None or (isinstance(value, str) and value == "none")):
+        entries = data.get(keys[0]) if isinstance(data, dict) else None
+        if not isinstance(entries, dict) or keys[1] not in entries:
+            known = list(entries) if isinstance(entries, dict) else []
+            remedy = suggestion(keys[1], known) if known else "delete it"
+            raise CaseError([Problem(path, value, "there is no such entry to take out", remedy)])
+        del entries[keys[1]]
+        return
     for depth, key in enumerate(keys):
         last = depth == len(keys) - 1
         so_far = ".".join(keys[:depth])

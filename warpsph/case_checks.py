@@ -34,6 +34,8 @@ from warpsph.case import (
     ReferenceCurve,
     ReferenceCurves,
     ReferenceExact,
+    ReferenceInterface,
+    ReferenceValue,
     Scales,
     Start,
 )
@@ -486,6 +488,13 @@ def _check_pair(case: Any, seen: set[frozenset[str]], position: int, tension: An
     seen.add(frozenset(between))
     for end, name in enumerate(between):
         yield from _known_phase(case, f"{path}.{end}", name)
+    if tension.contact_angle is not None and not _has_walls(case):
+        yield Problem(
+            f"surface_tension.{position}.contact_angle",
+            tension.contact_angle,
+            "is the angle at a wall, and there is none",
+            "delete it, or make a side of domain.boundary a wall or free_slip",
+        )
 
 
 def _check_fluids(case: Any, _folder: Path | None, _raw: Any) -> _Problems:
@@ -654,6 +663,12 @@ def _check_interface_fields(case: Any, path: str, fields: Sequence[str]) -> _Pro
         )
 
 
+def _has_walls(case: Any) -> bool:
+    """`Case.has_walls`, of a draft too."""
+    ends = [getattr(case.domain.boundary, axis) for axis in AXES[: case.dimension]]
+    return len(case.obstacles) > 0 or any("wall" in (axis.lower.kind, axis.upper.kind) for axis in ends)
+
+
 def _check_gauges(case: Any, _folder: Path | None, _raw: Any) -> _Problems:
     yield from _each(_check_gauge, list(case.gauges.items()), case)
 
@@ -662,14 +677,13 @@ def _check_gauge(case: Any, name: Any, gauge: Any) -> _Problems:
     path = f"gauges.{name}"
     yield from _guarded(_check_often(case, f"{path}.interval", lambda: gauge))
     if gauge.type == "wall_force":
-        walls = len(case.obstacles) > 0
-        for axis in AXES[: case.dimension]:
-            sides = getattr(case.domain.boundary, axis)
-            walls = walls or "wall" in (sides.lower.kind, sides.upper.kind)
-        if not walls:
+        if not _has_walls(case):
             yield Problem(
                 f"{path}.type", gauge.type, "needs a wall or an obstacle", "delete the gauge or add a wall"
             )
+    elif gauge.type == "contour":
+        if case.dimension != 2:
+            yield Problem(f"{path}.type", gauge.type, "needs dimension: 2", "use extents")
     elif gauge.type == "interface_length":
         if len(case.phases) < 2:
             yield Problem(f"{path}.type", gauge.type, "needs at least two phases", "delete the gauge")
@@ -695,6 +709,9 @@ def _check_reference(case: Any, folder: Path | None, raw: Any, name: Any, refere
     path = f"reference.{name}"
     if isinstance(reference, ReferenceExact):
         yield from _guarded(_check_exact(case, raw, path, reference))
+        return
+    if isinstance(reference, ReferenceInterface):
+        yield from _guarded(_check_interface(case, folder, raw, path, reference))
         return
     if isinstance(reference, ReferenceCurve):
         curve = reference.curve
@@ -730,12 +747,19 @@ def _check_reference(case: Any, folder: Path | None, raw: Any, name: Any, refere
                         f"is not one of the times of gauge {reference.gauge}",
                         "add it to the gauge's times",
                     )
+    elif isinstance(reference, ReferenceValue) and reference.reduce == "slope":
+        if kind != "line":
+            yield Problem(
+                f"{path}.gauge", reference.gauge, f"needs a gauge of type line, this is {kind}", "use another reduce"
+            )
+            return
+        yield from _check_line_column(case, path, reference, gauge)
     elif kind == "line":
         yield Problem(
             f"{path}.gauge",
             reference.gauge,
             "is a gauge of type line and has profiles, not one number a time",
-            "use curves, or a gauge of type points",
+            "use curves, reduce: slope, or a gauge of type points",
         )
     elif kind == "phase_pressure":
         try:
@@ -744,7 +768,7 @@ def _check_reference(case: Any, folder: Path | None, raw: Any, name: Any, refere
             yield Problem(f"{path}.column", reference.column, f"{error.rule_with_column}", error.remedy)
 
 
-def _check_line_column(case: Any, path: str, reference: ReferenceCurves, gauge: Any) -> _Problems:
+def _check_line_column(case: Any, path: str, reference: ReferenceCurves | ReferenceValue, gauge: Any) -> _Problems:
     known = []
     for name in gauge.fields:
         if name in ("velocity", "acceleration", "normal"):
@@ -787,6 +811,44 @@ def _check_exact(case: Any, raw: Any, path: str, reference: ReferenceExact) -> _
     if field not in case.output.particles.fields:
         yield Problem(
             f"{path}.field", reference.field, f"needs {field} in output.particles.fields", "add it there"
+        )
+
+
+def _check_interface(
+    case: Any, folder: Path | None, raw: Any, path: str, reference: ReferenceInterface
+) -> _Problems:
+    line = reference.interface
+    if case.dimension != 2:
+        yield Problem(path, MISSING, "an interface needs dimension: 2", "compare with value or curve")
+        return
+    yield from _known_phase(case, f"{path}.phase", reference.phase)
+    yield from _check_length(2, f"{path}.interface.offset", line.offset)
+    yield from _check_file(folder, f"{path}.interface", line.file, {})
+    if _dig(raw, "output", "particles") is MISSING:
+        return
+    if case.output.particles is None:
+        yield Problem(
+            f"{path}.interface.time", line.time, "needs particle files, output.particles is none", "switch them on"
+        )
+        return
+    fields = case.output.particles.fields
+    needed = ("phase", "volume") if "volume" in fields else ("phase", "mass", "density")
+    missing = [name for name in needed if name not in fields]
+    if missing:
+        yield Problem(
+            f"{path}.interface", MISSING, f"needs {', '.join(missing)} in output.particles.fields", "add them there"
+        )
+    if case.output.particles.times is not None:
+        written = any(math.isclose(line.time, time, rel_tol=1e-9) for time in case.output.particles.times)
+    else:
+        count = line.time / case.output.particles.interval
+        written = math.isclose(count, round(count), rel_tol=1e-6, abs_tol=1e-9)
+    if not written and not math.isclose(line.time, case.end_time, rel_tol=1e-9):
+        yield Problem(
+            f"{path}.interface.time",
+            line.time,
+            "is not a time of output.particles",
+            "add it to output.particles.times, or choose an interval that meets it",
         )
 
 

@@ -55,6 +55,7 @@ class NumberRule:
     """Validation of a number: a plain one or arithmetic text, within limits; optionally `auto` or `none`."""
 
     above: float | None = None
+    below: float | None = None
     least: float | None = None
     most: float | None = None
     integer: bool = False
@@ -66,6 +67,8 @@ class NumberRule:
         parts = []
         if self.above is not None:
             parts.append(f"> {self.above:g}")
+        if self.below is not None:
+            parts.append(f"< {self.below:g}")
         if self.least is not None:
             parts.append(f">= {self.least:g}")
         if self.most is not None:
@@ -111,6 +114,7 @@ class NumberRule:
             raise bad_value(f"needs {self.words()}; it has to be finite")
         if (
             (self.above is not None and not number > self.above)
+            or (self.below is not None and not number < self.below)
             or (self.least is not None and number < self.least)
             or (self.most is not None and number > self.most)
         ):
@@ -130,6 +134,8 @@ class NumberRule:
         number: dict[str, Any] = {"type": "integer" if self.integer else "number"}
         if self.above is not None:
             number["exclusiveMinimum"] = self.above
+        if self.below is not None:
+            number["exclusiveMaximum"] = self.below
         if self.least is not None:
             number["minimum"] = self.least
         if self.most is not None:

@@ -4,13 +4,14 @@ Each command loads the case, hands it to the module that does the work and print
 typer everything is imported inside the commands: `--help` answers at once, a command pays for what it uses.
 
 Exit codes: 0 done, 1 unexpected error, 2 bad input, 3 diverged, 4 cannot write, 5 capacity exceeded,
-130 interrupted.
+6 validate: a reference was missed or a run failed, 130 interrupted.
 """
 
 import errno
 import json
 import math
 import os
+import shlex
 import sys
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -45,6 +46,14 @@ class Precision(StrEnum):
 
     float32 = "float32"
     float64 = "float64"
+
+
+class Level(StrEnum):
+    """How much work a validation is."""
+
+    quick = "quick"
+    seed = "seed"
+    fine = "fine"
 
 
 CaseFile = Annotated[Path, typer.Argument(metavar="CASE", help="Case file (YAML).", show_default=False)]
@@ -132,7 +141,11 @@ def check(
 ) -> None:
     """Validate a case; print particle counts, memory, time step and estimated time."""
     with _reported(debug):
-        _print_estimate(_load(case, overrides, precision, end_time))
+        from warpsph.validation import runs_of
+
+        loaded = _load(case, overrides, precision, end_time)
+        runs_of(loaded, case.stem)  # raises if a validation run is wrong
+        _print_estimate(loaded)
 
 
 @app.command()
@@ -185,17 +198,148 @@ def plot(
         str, typer.Option(help="Field to colour the particles by, e.g. speed, velocity_x.")
     ] = "pressure",
     times: Annotated[
-        str | None, typer.Option(metavar="T1,T2,...", help="Times in s (default: first, middle and last).")
+        str | None,
+        typer.Option(
+            metavar="T1,T2,...|T1:T2",
+            help="Times in s, or every frame from T1 to T2 (default: first, middle and last; movie: every frame).",
+        ),
     ] = None,
     output: Annotated[Path | None, typer.Option(help="PNG file (default: RUN/plots/FIELD.png).")] = None,
+    movie: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Write a movie instead: .gif, or .mp4 with ffmpeg.")
+    ] = None,
+    fps: Annotated[
+        float | None, typer.Option(metavar="NUMBER", help="Frames a second of the movie (default: 10).")
+    ] = None,
+    over: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE.csv", help="Draw segments over the particles; columns x1, y1, x2, y2."),
+    ] = None,
+    over_scale: Annotated[
+        float | None, typer.Option(metavar="S", help="Length of that file's unit in m (default: 1).")
+    ] = None,
+    over_offset: Annotated[
+        str | None, typer.Option(metavar="X,Y", help="Where that file's origin is, in m (default: 0,0).")
+    ] = None,
+    over_mirror: Annotated[
+        float | None, typer.Option(metavar="X", help="Draw the segments mirrored about x = X too, in m.")
+    ] = None,
     debug: Debug = False,
 ) -> None:
-    """Draw the particles of a run and its gauge curves."""
+    """Draw the particles of a run and its gauge curves, or make a movie of the particles."""
+    choices: dict[str, Any] = {"field": field, "times": _parse_times(times)}
     with _reported(debug):
+        problems = []
+        overlay = {"--over-scale": over_scale, "--over-offset": over_offset, "--over-mirror": over_mirror}
+        for option, value in overlay.items():
+            if value is not None and over is None:
+                problems.append(_problem(option, value, "there is nothing to draw over", "add --over FILE.csv"))
+        if movie is None and fps is not None:
+            problems.append(_problem("--fps", fps, "a picture has no frames", "add --movie FILE.gif"))
+        if movie is not None and output is not None:
+            rule = "names the PNG of a picture, but a movie is to be made"
+            problems.append(_problem("--output", str(output), rule, "leave --output or --movie out"))
+        if problems:
+            from warpsph.errors import CaseError
+
+            raise CaseError(problems)
+        if over is not None:
+            from warpsph.plot import read_segments
+
+            offset = (0.0, 0.0) if over_offset is None else _parse_numbers(over_offset, "--over-offset", "0.5,0")
+            scale = 1.0 if over_scale is None else over_scale
+            choices["over"] = read_segments(over, scale, offset, over_mirror)
+        if movie is not None:
+            from warpsph.movie import make_movie
+
+            if fps is not None:
+                choices["fps"] = fps
+            with _frame_progress() as show_progress:
+                path = make_movie(folder, movie, progress=show_progress, **choices)
+            print(path)
+            return
         from warpsph.plot import plot_run
 
-        for path in plot_run(folder, field=field, times=_parse_times(times), output=output):
+        for path in plot_run(folder, output=output, **choices):
             print(path)
+
+
+@app.command()
+def validate(
+    names: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="[NAME]...", help="Cases, or single runs as CASE-RUN; * and ? stand for anything."),
+    ] = None,
+    level: Annotated[
+        Level, typer.Option(help="How much work: minutes on a CPU, as in the published study, or finer.")
+    ] = Level.quick,
+    device: Annotated[str, typer.Option(help="Device to run on: cpu, cuda:0, ...")] = "cpu",
+    precision: PrecisionOption = None,
+    threads: Annotated[int | None, typer.Option(min=1, help="CPU threads (default: all).")] = None,
+    cases: Annotated[
+        list[Path] | None, typer.Option(help="Folder of case files, or a case file (default: the shipped ones).")
+    ] = None,
+    output: Annotated[
+        Path | None, typer.Option(help="Output folder, new or empty (default: validation/LEVEL-DEVICE).")
+    ] = None,
+    resume: Annotated[
+        bool, typer.Option("--continue", help="Go on in the folder --output: its finished runs count.")
+    ] = False,
+    draw: Annotated[bool, typer.Option("--figures/--no-figures", help="Draw a figure of each run.")] = True,
+    figures_from: Annotated[
+        Path | None, typer.Option(metavar="FOLDER", help="Only draw the figures of an output folder.")
+    ] = None,
+    keep: Annotated[bool, typer.Option("--keep-runs/--drop-runs", help="Keep the run folders.")] = True,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Check the cases and list the runs.")] = False,
+    debug: Debug = False,
+) -> None:
+    """Run cases, compare them with their references, and print one table."""
+    folder: Path | None = None
+    with _reported(debug, lambda: folder):
+        from warpsph import validation
+        from warpsph.errors import CaseError
+
+        if figures_from is not None:
+            written, notes = validation.draw_figures(figures_from, _reference_folders(cases))
+            for path in written:
+                print(path)
+            for note in notes:
+                _say(note)
+            raise typer.Exit(1 if notes else 0)
+
+        problems = [*_device_problems(device), *([] if resume else _output_problems(output, None))]
+        if resume and output is None:
+            problems.append(_problem("--continue", True, "needs --output", "name the folder to go on in"))
+        try:
+            runs = validation.plan(level.value, names or [], cases or [], None if precision is None else precision.value)
+        except CaseError as error:
+            problems = [*error.problems, *problems]
+        if problems:
+            raise CaseError(problems)
+        if dry_run:
+            rows = [(run.case_name, run.run.name, f"{run.case.spacing:.4g} m", dict(run.run.changes)) for run in runs]
+            _print_table(f"Runs of the level {level.value}", ["case", "run", "spacing", "changes"], rows, width=160)
+            return
+
+        earlier = None
+        if output is not None and resume:
+            earlier = validation.check_continued(output, level.value, device)
+        folder = output if output is not None else validation.output_folder(level.value, device)
+        _quieten_warp(debug)
+        table = validation.validate(
+            runs,
+            folder,
+            device=device,
+            threads=threads,
+            command=f"python -m warpsph {shlex.join(sys.argv[1:])}",
+            draw=draw,
+            keep=keep,
+            earlier=earlier,
+            started=_validation_progress,
+            finished=_print_validated,
+        )
+        _print_validation(table, folder)
+        raise typer.Exit(table.exit_code)
 
 
 @app.command()
@@ -368,15 +512,28 @@ def _claim_output(case: Path, output: Path | None, restart: Path | None) -> Path
         raise OutputError(f"cannot create the run folder {error.filename}: {error.strerror}") from error
 
 
-def _parse_times(text: str | None) -> list[float] | None:
+def _parse_times(text: str | None) -> list[float] | slice | None:
+    """Times of --times [s]; `T1:T2`, either of which may be missing, is the slice between them."""
     if text is None:
         return None
+    start, colon, stop = text.partition(":")
+    if not colon:
+        return _parse_numbers(text, "--times", "0,0.5,1 or 0:1")
+    ends = [_parse_numbers(end, "--times", "0,0.5,1 or 0:1") if end.strip() else [None] for end in (start, stop)]
+    if any(len(end) > 1 for end in ends):
+        raise typer.BadParameter("needs two times around the colon, e.g. 0:1", param_hint="--times")
+    return slice(ends[0][0], ends[1][0])
+
+
+def _parse_numbers(text: str, option: str, example: str) -> list[float]:
+    """Numbers separated by commas."""
     try:
-        return [float(part) for part in text.split(",")]
+        numbers = [float(part) for part in text.split(",")]
     except ValueError:
-        raise typer.BadParameter(
-            "needs numbers separated by commas, e.g. 0,0.5,1", param_hint="--times"
-        ) from None
+        numbers = []
+    if not numbers or not all(math.isfinite(number) for number in numbers):
+        raise typer.BadParameter(f"needs numbers separated by commas, e.g. {example}", param_hint=option)
+    return numbers
 
 
 def _quieten_warp(debug: bool) -> None:
@@ -395,15 +552,18 @@ def _quieten_warp(debug: bool) -> None:
 # ---- output ----------------------------------------------------------------------------------------------
 
 
-def _console() -> "Console":
+def _console(width: int = 110) -> "Console":
+    """Console for stdout; `width` counts where there is no terminal."""
     from rich.console import Console
 
     # Without a terminal rich would wrap tables to 80 columns.
-    return Console(highlight=False, markup=False, width=None if sys.stdout.isatty() else 110)
+    return Console(highlight=False, markup=False, width=None if sys.stdout.isatty() else width)
 
 
-def _print_table(title: str, columns: Iterable[str], rows: Iterable[Iterable[Any]], align: str = "") -> None:
-    """Print a table; `align` has an l or r for each column (default: all l)."""
+def _print_table(
+    title: str, columns: Iterable[str], rows: Iterable[Iterable[Any]], align: str = "", width: int = 110
+) -> None:
+    """Print a table; `align` has an l or r for each column (default: all l), `width` counts without a terminal."""
     from rich import box
     from rich.table import Table
     from rich.text import Text
@@ -420,7 +580,7 @@ def _print_table(title: str, columns: Iterable[str], rows: Iterable[Iterable[Any
         table.add_column(column, justify="right" if side == "r" else "left", overflow="fold")
     for row in rows:
         table.add_row(*(cell if isinstance(cell, Text) else Text(_format(cell)) for cell in row))
-    _console().print(table)
+    _console(width).print(table)
 
 
 def _format(value: Any) -> str:
@@ -541,6 +701,79 @@ def _progress_bar() -> Iterator[Callable[[Any], None]]:
             )
 
         yield show_progress
+
+
+@contextmanager
+def _frame_progress() -> Iterator[Callable[[int, int], None]]:
+    """Callback that shows on stderr, beside the names on stdout, how many frames of a movie are drawn."""
+    if sys.stderr.isatty():
+        from rich.console import Console
+        from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+        columns = TextColumn("frames"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn()
+        with Progress(*columns, console=Console(stderr=True)) as progress:
+            task = progress.add_task("")
+            yield lambda done, total: progress.update(task, completed=done, total=total)
+        return
+    last = time.monotonic()
+
+    def show_progress(done: int, total: int) -> None:
+        nonlocal last
+        now = time.monotonic()
+        if now - last >= PLAIN_PROGRESS_INTERVAL or done == total:
+            last = now
+            _say(f"frame {done} of {total}")
+
+    yield show_progress
+
+
+def _reference_folders(cases: list[Path] | None) -> list[Path]:
+    """Where the reference files of cases are: in `reference` beside the case files."""
+    from warpsph.validation import SHIPPED
+
+    homes = [place if place.is_dir() else place.parent for place in cases or []]
+    return [home / "reference" for home in (*homes, SHIPPED)]
+
+
+def _validation_progress(run: Any, number: int, count: int) -> AbstractContextManager[Callable[[Any], None]]:
+    """Say which run begins; a context with the callback that shows its progress."""
+    print(f"[{number}/{count}] {run.case_name} {run.run.name}", flush=True)
+    return _progress_display()
+
+
+def _print_validated(entry: Mapping[str, Any]) -> None:
+    """One line about a run that is done."""
+    outcomes = [row["outcome"] for row in entry["rows"]]
+    told = ", ".join(f"{outcomes.count(outcome)} {outcome}" for outcome in dict.fromkeys(outcomes))
+    print(f"    {entry['status']}: {told}; {_duration(entry['seconds'])}", flush=True)
+    if entry["problem"]:
+        _say(f"    {entry['problem']}")
+
+
+def _print_validation(table: Any, folder: Path) -> None:
+    """The table, what went wrong, and one line about it all."""
+    from rich.text import Text
+
+    from warpsph.validation import ALIGN, BAD, COLUMNS, cells, problem_lines, with_first
+
+    rows: list[list[Any]] = []
+    for row, first in with_first(table.rows):
+        line: list[Any] = list(cells(row, first))
+        style = "red" if row["outcome"] in BAD else "green" if row["outcome"] == "ok" else ""
+        line[COLUMNS.index("outcome")] = Text(row["outcome"], style)
+        rows.append(line)
+    if rows:
+        _print_table("Validation", COLUMNS, rows, align=ALIGN, width=180)
+    for note in (*problem_lines(table), *table.notes):
+        _say(note)
+    judged = [row for row in table.rows if row["outcome"] == "ok" or row["outcome"] in BAD]
+    facts = [
+        f"{len(table.runs)} runs",
+        f"{len(judged) - len(table.bad)} of {len(judged)} results with a limit within it",
+        _duration(sum(run["seconds"] for run in table.runs)),
+        str(folder),
+    ]
+    print(", ".join(facts) + (" (interrupted)" if table.interrupted else ""))
 
 
 def _print_summary(summary: Mapping[str, Any], folder: Path) -> None:

@@ -27,15 +27,18 @@ With f the run's values and g the reference's, at the same times, points or part
 | particles: l1 | mean abs(f - g) / mean abs(g) | mean abs(f) and mean abs(g) |
 | particles: l2 | sqrt(sum abs(f - g)^2 / sum abs(g)^2) | their root mean squares |
 | particles: max | max abs(f - g) / max abs(g) | max abs(f) and max abs(g) |
+| interface | wrong area / area of the fluid or of the phase | wrong area and the area that divides it |
 
 s is the largest abs(g) (relative_to: peak; of each profile for itself), abs(g) at the first time (initial),
-or abs(g) at each time or position (pointwise; where g is 0 nothing is compared). abs of a vector is its
-length.
+abs(g) at each time or position (pointwise; where g is 0 nothing is compared), or 1 (absolute). abs of a vector is its
+length. The wrong area is that of the particles whose centres lie on the other side of the reference interface than
+their phase.
 """
 
 from __future__ import annotations
 
 import csv
+import dataclasses
 import math
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -43,10 +46,12 @@ from typing import Any
 
 import numpy as np
 
-from warpsph.errors import ExpressionError, WarpsphError
+from warpsph.contour import crossings_above, join_ends
+from warpsph.errors import CaseError, ExpressionError, WarpsphError
 from warpsph.expressions import compile_expression
 from warpsph.gauges import GaugeSet, read_gauge
-from warpsph.output import last_particles
+from warpsph.output import Series, last_particles, read_vtp
+from warpsph.plot import read_segments
 from warpsph.snapshot import Snapshot
 
 Columns = dict[str, np.ndarray]
@@ -63,14 +68,16 @@ def compare(
     gauges: GaugeSet | None = None,
     snapshot: Snapshot | None = None,
     end_time: float | None = None,
+    frames: Path | None = None,
 ) -> list[dict[str, Any]]:
     """Evaluate the references of a case; one dict an entry, in the order of the case (keys: see the module).
 
     folder: run folder, whose gauges/*.csv and last particle frame are read
     gauges, snapshot: taken instead of the files where given
     end_time: simulated time that the run reached [s]; without it the last row of each gauge decides
+    frames: run folder of whose particle files those of given times are read, if not `folder`
     """
-    source = _Source(case, folder, gauges, snapshot, end_time)
+    source = _Source(case, folder, gauges, snapshot, end_time, frames)
     results = []
     for quantity, spec in (case.reference or {}).items():
         result: dict[str, Any] = {
@@ -121,10 +128,11 @@ def format_comparison(results: list[dict[str, Any]]) -> list[str]:
 def _evaluate(spec: Any, source: _Source) -> dict[str, Any]:
     """The entries of a result that depend on the run."""
     # The kinds of entries differ in which of these keys they have.
-    for key, function in (("exact", _exact), ("curves", _profiles), ("curve", _curve), ("value", _value)):
+    kinds = (("interface", _interface), ("exact", _exact), ("curves", _profiles), ("curve", _curve), ("value", _value))
+    for key, function in kinds:
         if getattr(spec, key, None) is not None:
             return function(spec, source)
-    raise _NotComparable("has none of value, curve, curves, exact")
+    raise _NotComparable("has none of value, curve, curves, exact, interface")
 
 
 # ------------------------------------------------------------------------------------------------------------
@@ -141,12 +149,14 @@ class _Source:
         gauges: GaugeSet | None,
         snapshot: Snapshot | None,
         end_time: float | None,
+        frames: Path | None = None,
     ) -> None:
         self.case = case
         self.folder = folder
         self._gauges = gauges
         self._snapshot = snapshot
         self._end_time = end_time
+        self._frames = folder if frames is None else frames
 
     def gauge(self, name: str) -> tuple[Columns, dict[str, str]]:
         """Columns and units of a gauge."""
@@ -177,6 +187,24 @@ class _Source:
         if self.folder is None:
             raise _NotComparable("there are no particles")
         return last_particles(self.folder, self.case.dimension).fluid
+
+    def particles_at(self, time: float) -> Snapshot:
+        """Fluid particles at a time [s]."""
+        slack = 1e-6 * max(abs(time), 1e-300)
+        if self._snapshot is not None and abs(self._snapshot.time - time) <= slack:
+            return self._snapshot.fluid
+        reached = self._end_time
+        if self._frames is not None:
+            series = Series(self._frames / "particles", "fluid")
+            series.read()
+            for moment, name in series.frames:
+                if abs(moment - time) <= slack:
+                    return read_vtp(series.path.parent / name, self.case.dimension).fluid
+            if reached is None and series.frames:
+                reached = series.frames[-1][0]
+        if reached is not None and reached < time - slack:
+            raise _NotComparable(f"not reached: needs t = {time:g} s, the run ended at {reached:g} s")
+        raise _NotComparable(f"there is no particle file of t = {time:g} s")
 
 
 def pick_column(columns: Columns, units: Mapping[str, str], text: str) -> tuple[np.ndarray, str]:
@@ -224,31 +252,54 @@ def _reference_column(table: Columns, key: str, file: str) -> np.ndarray:
 
 
 # ------------------------------------------------------------------------------------------------------------
-# The four kinds of entries
+# The five kinds of entries
 
 
 def _value(spec: Any, source: _Source) -> dict[str, Any]:
     """A column reduced to a number, against a number."""
-    times, values, unit = source.column(spec)
-    window = getattr(spec, "window", None)
-    if window is not None:
-        start, end = window
-        reached = source.end(times)
-        if end > reached * (1 + 1e-9):
-            raise _NotComparable(f"not reached: needs t = {end:g} s, the run ended at {reached:g} s")
-        inside = (times >= start * (1 - 1e-9)) & (times <= end * (1 + 1e-9))
-        if not inside.any():
-            raise _NotComparable(f"the gauge {spec.gauge!r} has no row from {start:g} to {end:g} s")
-        times, values = times[inside], values[inside]
-    if spec.reduce == "period":
-        value, unit = period(times, values), "s"
-    else:
-        value = REDUCTIONS[spec.reduce](values)
     reference = float(spec.value)
+    note = ""
+    if spec.reduce == "slope":
+        value, unit, note = _slope(spec, source)
+    else:
+        times, values, unit = source.column(spec)
+        inside = _in_window(spec, source, times)
+        times, values = times[inside], values[inside]
+        if spec.reduce == "period":
+            value, unit = period(times, values), "s"
+        elif spec.reduce in ("peak", "peak_time", "trough", "trough_time"):
+            at, value = extreme(times, values, highest=spec.reduce.startswith("peak"))
+            note = f"at {at:.6g} s"
+            if spec.reduce.endswith("_time"):
+                value, unit, note = at, "s", f"{value:.6g} there"
+        elif spec.reduce == "farthest":
+            value = float(values[np.argmax(np.abs(values - reference))])
+        elif spec.reduce == "change":
+            if values[0] == 0.0:
+                raise _NotComparable("it begins with 0, which nothing can be relative to")
+            change = values / values[0] - 1.0
+            value, unit = float(change[np.argmax(np.abs(change))]), "1"
+        else:
+            value = REDUCTIONS[spec.reduce](values)
     result = {"value": value, "reference": reference, "unit": unit}
     if reference == 0.0:
-        return {**result, "error": value, "note": "absolute error, as the reference is 0"}
-    return {**result, "error": (value - reference) / reference}
+        note = "; ".join(filter(None, ["absolute error, as the reference is 0", note]))
+        return {**result, "error": value, "note": note}
+    return {**result, "error": (value - reference) / reference, "note": note}
+
+
+def _in_window(spec: Any, source: _Source, times: np.ndarray) -> np.ndarray:
+    """Which rows of a gauge lie in the window of an entry; all if it has none."""
+    if spec.window is None:
+        return np.ones(len(times), bool)
+    start, end = spec.window
+    reached = source.end(times)
+    if end > reached * (1 + 1e-9):
+        raise _NotComparable(f"not reached: needs t = {end:g} s, the run ended at {reached:g} s")
+    inside = (times >= start * (1 - 1e-9)) & (times <= end * (1 + 1e-9))
+    if not inside.any():
+        raise _NotComparable(f"the gauge {spec.gauge!r} has no row from {start:g} to {end:g} s")
+    return np.asarray(inside)
 
 
 REDUCTIONS: dict[str, Callable[[np.ndarray], float]] = {
@@ -273,18 +324,51 @@ def period(times: np.ndarray, values: np.ndarray) -> float:
     return float(np.mean(np.diff(crossings)))
 
 
+def extreme(times: np.ndarray, values: np.ndarray, highest: bool) -> tuple[float, float]:
+    """Time [s] and value of the highest or lowest point of the cubic that fits the rows best.
+
+    A smooth curve is followed and noise is not: the largest of many noisy values is too large, and its time arbitrary.
+    Where the cubic has no such point between the first and the last row, the better end is taken.
+
+    Raises _NotComparable for fewer than eight rows, or values that are not finite.
+    """
+    if len(times) < 8 or not np.isfinite(values).all():
+        raise _NotComparable("a cubic needs eight rows with numbers in the window")
+    cubic = np.polynomial.Polynomial.fit(times, values, 3)
+    turns = cubic.deriv().roots()
+    turns = turns[np.isreal(turns)].real
+    candidates = np.concatenate([turns[(turns > times[0]) & (turns < times[-1])], times[[0, -1]]])
+    found = cubic(candidates)
+    best = int(np.argmax(found) if highest else np.argmin(found))
+    return float(candidates[best]), float(found[best])
+
+
+def _slope(spec: Any, source: _Source) -> tuple[float, str, str]:
+    """Slope of a straight line through a part of the last profile of a line gauge, its unit, and the time of it.
+
+    Of a parabola it is the exact slope in the middle of the part.
+    """
+    columns, units = source.gauge(spec.gauge)
+    values, unit = pick_column(columns, units, spec.column)
+    distance = _distance(columns, source.case.gauges[spec.gauge])
+    window = _in_window(spec, source, columns["time"])
+    moment = columns["time"][window][-1]
+    first, last = spec.between if spec.between is not None else (0.0, distance.max())
+    slack = 1e-9 * distance.max()
+    rows = _rows_at(columns["time"], moment) & (distance >= first - slack) & (distance <= last + slack)
+    rows &= np.isfinite(values)
+    if rows.sum() < 2:
+        raise _NotComparable(f"the gauge {spec.gauge!r} has no two points from {first:g} to {last:g} m")
+    fit = np.polynomial.Polynomial.fit(distance[rows], values[rows], 1)
+    return float(fit.deriv()(0.0)), f"{unit}/m" if unit else "", f"at t = {moment:g} s"
+
+
 def _curve(spec: Any, source: _Source) -> dict[str, Any]:
-    """A column over time against a curve, at the gauge's times that the curve covers."""
+    """A column over time against a curve, at the gauge's times that the curve and the window cover."""
     times, values, unit = source.column(spec)
-    table = _read_table(source.case, spec.curve.file)
-    known_times = _reference_column(table, spec.curve.time, spec.curve.file) * spec.curve.time_scale
-    known = _reference_column(table, spec.curve.value, spec.curve.file) * spec.curve.scale
-    given = np.isfinite(known_times) & np.isfinite(known)
-    known_times, known = known_times[given], known[given]
-    order = np.argsort(known_times, kind="stable")
-    known_times, known = known_times[order], known[order]
-    if not len(known):
-        raise _NotComparable(f"{spec.curve.file} has no numbers in these columns")
+    inside = _in_window(spec, source, times)
+    times, values = times[inside], values[inside]
+    known_times, known = _known_curve(spec, source.case)
     slack = 1e-9 * max(abs(known_times[0]), abs(known_times[-1]))
     covered = (times >= known_times[0] - slack) & (times <= known_times[-1] + slack)
     if not covered.any():
@@ -297,6 +381,8 @@ def _curve(spec: Any, source: _Source) -> dict[str, Any]:
     first = known[0]
     error, worst = _norm(values, reference, spec.norm, spec.relative_to, first)
     note = f"compared over {times[0]:g} to {times[-1]:g} s"
+    if spec.relative_to == "absolute":
+        note = f"absolute error; {note}"
     result = {"unit": unit, "error": error}
     if spec.norm == "rms":
         result |= {"value": REDUCTIONS["rms"](values), "reference": REDUCTIONS["rms"](reference)}
@@ -306,32 +392,59 @@ def _curve(spec: Any, source: _Source) -> dict[str, Any]:
     return {**result, "note": note, "value": float(values[worst]), "reference": float(reference[worst])}
 
 
+def _known_curve(spec: Any, case: Any) -> tuple[np.ndarray, np.ndarray]:
+    """Times [s], rising, and values of the reference curve of an entry."""
+    table = _read_table(case, spec.curve.file)
+    times = _reference_column(table, spec.curve.time, spec.curve.file) * spec.curve.time_scale
+    values = _reference_column(table, spec.curve.value, spec.curve.file) * spec.curve.scale
+    return _sorted_numbers(times, values, f"{spec.curve.file} has no numbers in these columns")
+
+
+def _known_profile(spec: Any, table: Columns, key: str) -> tuple[np.ndarray, np.ndarray]:
+    """Distances along the line [m], rising, and values of one profile of an entry."""
+    at = _reference_column(table, spec.curves.position, spec.curves.file)
+    values = _reference_column(table, key, spec.curves.file) * spec.curves.scale
+    return _sorted_numbers(at, values, f"{spec.curves.file} has no numbers in the column {key!r}")
+
+
+def _sorted_numbers(at: np.ndarray, values: np.ndarray, complaint: str) -> tuple[np.ndarray, np.ndarray]:
+    """The pairs that are numbers, in the order of `at`; raises _NotComparable if there are none."""
+    given = np.isfinite(at) & np.isfinite(values)
+    if not given.any():
+        raise _NotComparable(complaint)
+    order = np.argsort(at[given], kind="stable")
+    return at[given][order], values[given][order]
+
+
+def _distance(columns: Columns, gauge: Any) -> np.ndarray:
+    """Distance of the rows of a line gauge from its first point [m]."""
+    start = np.asarray(gauge.from_, np.float64)
+    axes = ("x", "y", "z")[: len(start)]
+    offset = np.stack([columns[axis] for axis in axes], axis=1) - start
+    return np.asarray(np.sqrt(np.sum(offset**2, axis=1)))
+
+
+def _rows_at(times: np.ndarray, moment: float) -> np.ndarray:
+    """Which rows of a gauge belong to a time [s]."""
+    return np.asarray(np.abs(times - moment) <= 1e-6 * max(abs(moment), 1e-300))
+
+
 def _profiles(spec: Any, source: _Source) -> dict[str, Any]:
     """Profiles along a line against those of a file, at given times."""
     columns, units = source.gauge(spec.gauge)
     values, unit = pick_column(columns, units, spec.column)
     times = columns["time"]
-    start = np.asarray(source.case.gauges[spec.gauge].from_, np.float64)
-    axes = ("x", "y", "z")[: len(start)]
-    offset = np.stack([columns[axis] for axis in axes], axis=1) - start
-    distance = np.sqrt(np.sum(offset**2, axis=1))
+    distance = _distance(columns, source.case.gauges[spec.gauge])
     table = _read_table(source.case, spec.curves.file)
-    known_at = _reference_column(table, spec.curves.position, spec.curves.file)
-    scale = getattr(spec.curves, "scale", 1.0)
 
     profiles: list[tuple[float, np.ndarray, np.ndarray, np.ndarray]] = []  # time, distance, run, reference
     missing = []
     first: float | None = None
     for moment, key in sorted(spec.curves.columns.items()):
-        known = _reference_column(table, key, spec.curves.file) * scale
-        given = np.isfinite(known_at) & np.isfinite(known)
-        if not given.any():
-            raise _NotComparable(f"{spec.curves.file} has no numbers in the column {key!r}")
-        order = np.argsort(known_at[given], kind="stable")
-        at, known = known_at[given][order], known[given][order]
+        at, known = _known_profile(spec, table, key)
         if first is None:
             first = float(np.abs(known).max())
-        rows = np.abs(times - moment) <= 1e-6 * max(abs(moment), 1e-300)
+        rows = _rows_at(times, moment)
         slack = 1e-9 * np.abs(at).max()
         rows &= (distance >= at[0] - slack) & (distance <= at[-1] + slack)
         if not rows.any():
@@ -353,10 +466,13 @@ def _profiles(spec: Any, source: _Source) -> dict[str, Any]:
     largest = int(np.argmax([error if math.isfinite(error) else math.inf for error, _ in errors]))
     moment, at, run, known = profiles[largest]
     error, worst = errors[largest]
+    percent = (1.0, "") if spec.relative_to == "absolute" else (100.0, " %")
     each = ", ".join(
-        f"{100 * one:.3g} % at {time:g} s" for (one, _), (time, *_) in zip(errors, profiles, strict=True)
+        f"{percent[0] * one:.3g}{percent[1]} at {time:g} s" for (one, _), (time, *_) in zip(errors, profiles, strict=True)
     )
     note = each + (f"; no rows at {', '.join(f'{time:g}' for time in missing)} s" if missing else "")
+    if spec.relative_to == "absolute":
+        note = f"absolute error; {note}"
     result = {"unit": unit, "error": error, "note": note}
     if norm == "rms":
         return {**result, "value": REDUCTIONS["rms"](run), "reference": REDUCTIONS["rms"](known)}
@@ -376,7 +492,7 @@ def _norm(
         relative = difference[used] / np.abs(reference[used])
     else:
         used = np.arange(len(values))
-        scale = abs(first) if relative_to == "initial" else float(np.abs(reference).max())
+        scale = {"initial": abs(first), "absolute": 1.0}.get(relative_to, float(np.abs(reference).max()))
         if scale == 0.0:
             raise _NotComparable(f"the reference's {relative_to} value is 0: nothing can be relative to it")
         relative = difference / scale
@@ -388,22 +504,35 @@ def _norm(
     return float(relative.max()), int(used[relative.argmax()])
 
 
+def _interface(spec: Any, source: _Source) -> dict[str, Any]:
+    """The particles on the wrong side of a reference interface."""
+    line = spec.interface
+    try:
+        segments = read_segments(source.case.reference_file(line.file), line.scale, line.offset, line.mirror)
+    except CaseError as error:
+        raise _NotComparable("; ".join(f"{problem.value} {problem.rule}" for problem in error.problems)) from error
+    particles = source.particles_at(line.time)
+    volume = np.asarray(particles.volume, np.float64)
+    if not len(particles) or not np.isfinite(volume).all():
+        raise _NotComparable(f"the particles of t = {line.time:g} s have no volumes: write mass and density")
+    belongs = crossings_above(particles.position, join_ends(segments)) % 2 == 1
+    mine = particles.phase == source.case.phase_names.index(spec.phase)
+    wrong = float(volume[belongs != mine].sum())
+    total = float(volume.sum() if spec.relative_to == "domain" else volume[belongs].sum())
+    share = volume[belongs & ~mine].sum() / wrong if wrong > 0.0 else 0.0
+    note = f"of the area of {'all fluid' if spec.relative_to == 'domain' else spec.phase} at t = {particles.time:g} s"
+    if wrong > 0.0:
+        note += f"; {100 * share:.0f} % of it where {spec.phase} should be"
+    if total == 0.0:
+        raise _NotComparable(f"nothing of the fluid lies where {spec.phase} should be")
+    return {"value": wrong, "reference": total, "error": wrong / total, "unit": "m^2", "note": note}
+
+
 def _exact(spec: Any, source: _Source) -> dict[str, Any]:
     """A field of the particles against a formula."""
     particles = source.particles()
-    if not len(particles):
-        raise _NotComparable("there are no particles")
-    values, unit = _field(particles, spec.field)
-    exact = [_expression_at(formula, particles) for formula in spec.exact]
+    values, reference, unit = _field_and_exact(spec, particles)
     remove_mean = bool(getattr(spec, "remove_mean", False))
-    if spec.field == "velocity":
-        if len(exact) != particles.dimension:
-            raise _NotComparable(f"exact needs {particles.dimension} components, it has {len(exact)}")
-        reference = np.stack(exact, axis=1)
-    elif spec.field == "speed" and len(exact) > 1:
-        reference = _length(np.stack(exact, axis=1))
-    else:
-        reference = exact[0]
     if remove_mean:
         weight = particles.volume / particles.volume.sum()
         values, reference = values - weight @ values, reference - weight @ reference
@@ -414,6 +543,21 @@ def _exact(spec: Any, source: _Source) -> dict[str, Any]:
     if remove_mean:
         note += ", without the means"
     return {"value": value, "reference": size, "error": error, "unit": unit, "note": note}
+
+
+def _field_and_exact(spec: Any, particles: Snapshot) -> tuple[np.ndarray, np.ndarray, str]:
+    """A field of the particles, (n,) or (n, dimension), what it should be, and its unit."""
+    if not len(particles):
+        raise _NotComparable("there are no particles")
+    values, unit = _field(particles, spec.field)
+    exact = [_expression_at(formula, particles) for formula in spec.exact]
+    if spec.field == "velocity":
+        if len(exact) != particles.dimension:
+            raise _NotComparable(f"exact needs {particles.dimension} components, it has {len(exact)}")
+        return values, np.stack(exact, axis=1), unit
+    if spec.field == "speed" and len(exact) > 1:
+        return values, _length(np.stack(exact, axis=1)), unit
+    return values, exact[0], unit
 
 
 def particle_norm(values: np.ndarray, reference: np.ndarray, norm: str) -> tuple[float, float, float, bool]:
@@ -450,3 +594,84 @@ def _expression_at(formula: Any, particles: Snapshot) -> np.ndarray:
     """Values (n,) of a formula in x, y, z, t and r at the particles."""
     coordinates = dict(zip(("x", "y", "z"), particles.position.T, strict=False))
     return formula.evaluate(**coordinates, t=particles.time)
+
+
+# ------------------------------------------------------------------------------------------------------------
+# What a figure shows
+
+
+Points = tuple[np.ndarray, np.ndarray]
+
+
+@dataclasses.dataclass(frozen=True)
+class Compared:
+    """The data behind one entry of a case's `reference`, for a figure.
+
+    quantity: name of the entry; gauge: that it looks at, empty for particles
+    label: what is compared, column or field; unit: its unit
+    kind: value, curve, curves or exact, the kind of the entry
+    run, reference: of curves a profile for each time [s], else one entry with the key 0: (x, y), each (n,). x is time
+        [s], the distance along the line [m], or, of exact, what the particles should have. `reference` is empty for a
+        value and for exact.
+    value, window, reduce: the reference number, the times [s] that count and how the column becomes a number
+    """
+
+    quantity: str
+    gauge: str
+    label: str
+    unit: str
+    kind: str
+    run: dict[float, Points]
+    reference: dict[float, Points] = dataclasses.field(default_factory=dict)
+    value: float = math.nan
+    window: tuple[float, ...] | None = None
+    reduce: str = ""
+
+
+def compared(case: Any, folder: Path) -> list[Compared]:
+    """The data behind the entries of a case's `reference`, from a run folder; what cannot be read is left out."""
+    source = _Source(case, folder, None, None, None)
+    found = []
+    for quantity, spec in case.reference.items():
+        try:
+            found.append(_data(quantity, spec, source))
+        except (_NotComparable, WarpsphError):
+            continue
+    return found
+
+
+def _data(quantity: str, spec: Any, source: _Source) -> Compared:
+    if getattr(spec, "interface", None) is not None:
+        raise _NotComparable("a line in the plane is no curve over something")
+    if getattr(spec, "reduce", "") == "slope":
+        raise _NotComparable("the slope of a profile is no curve over time")
+    if getattr(spec, "exact", None) is not None:
+        values, reference, unit = _field_and_exact(spec, source.particles())
+        return Compared(quantity, "", spec.field, unit, "exact", {0.0: (_signed(reference), _signed(values))})
+    if getattr(spec, "curves", None) is not None:
+        columns, units = source.gauge(spec.gauge)
+        values, unit = pick_column(columns, units, spec.column)
+        distance = _distance(columns, source.case.gauges[spec.gauge])
+        table = _read_table(source.case, spec.curves.file)
+        run, known = {}, {}
+        for moment, key in sorted(spec.curves.columns.items()):
+            rows = _rows_at(columns["time"], moment)
+            if rows.any():
+                run[moment] = distance[rows], values[rows]
+                known[moment] = _known_profile(spec, table, key)
+        return Compared(quantity, spec.gauge, spec.column, unit, "curves", run, known)
+    times, values, unit = source.column(spec)
+    if getattr(spec, "curve", None) is not None:
+        return Compared(
+            quantity, spec.gauge, spec.column, unit, "curve",
+            {0.0: (times, values)}, {0.0: _known_curve(spec, source.case)},
+        )  # fmt: skip
+    return Compared(
+        quantity, spec.gauge, spec.column, unit, "value", {0.0: (times, values)},
+        value=spec.value, window=spec.window, reduce=spec.reduce,
+    )  # fmt: skip
+
+
+def _signed(values: np.ndarray) -> np.ndarray:
+    """Numbers as they are, vectors as their lengths."""
+    return values if values.ndim == 1 else _length(values)

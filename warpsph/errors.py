@@ -7,6 +7,7 @@
 | `DivergenceError` | 3 | the state became non-finite or ran away |
 | `OutputError` | 4 | results cannot be written |
 | `CapacityError` | 5 | a fixed-size list is full and cannot grow |
+| - | 6 | `validate` is done, but a reference was missed or a run failed |
 | `Interrupted` | 130 | the user stopped the run |
 """
 

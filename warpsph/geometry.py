@@ -13,17 +13,22 @@ whole lattice, so that a box costs next to nothing and ten million sites need no
 
 A site exactly on the border of a region belongs to the region on its upper side, so regions that share a
 border never share a site. Shapes are not repeated across periodic axes.
+
+Where an interface between two phases runs through lattice cells, the start is a *fitted* one (`start.arrangement`): it
+has the particles of the lattice, but whoever wants it gives `build` a function that arranges them along the interface
+(`warpsph/packing.py`). Without one, `build` stops at the lattice, which is enough for counts, walls and physics.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from warpsph.borders import VOID, Regions, fluid_pairs_off_lattice
 from warpsph.errors import CaseError, ExpressionError, Problem
 
 if TYPE_CHECKING:
@@ -32,7 +37,18 @@ if TYPE_CHECKING:
     from warpsph.case import Case, Shape
     from warpsph.expressions import Expression
 
-__all__ = ["FLUID", "WALL", "Geometry", "Lattice", "build", "hydrostatic_pressure", "inside", "make_lattice"]
+__all__ = [
+    "FLUID",
+    "WALL",
+    "Arrange",
+    "Geometry",
+    "Lattice",
+    "build",
+    "contains",
+    "hydrostatic_pressure",
+    "inside",
+    "make_lattice",
+]
 
 AXES = ("x", "y", "z")
 FLUID, WALL = 0, 1
@@ -120,6 +136,8 @@ class Geometry:
     body: (n,) int32, 0 for fluid, k for the k-th wall body
     body_names: name of the k-th wall body at position k - 1: `x_lower`, `y_upper`, ..., then the obstacles
     lattice: the cells that the particles come from; its `lower` and `upper` are where the walls stand
+    arrangement: lattice or fitted: what `start.arrangement` came to
+    arrangement_reason: why
     warnings: lines of text for the user
     """
 
@@ -134,6 +152,8 @@ class Geometry:
     body: NDArray[np.int32]
     body_names: tuple[str, ...]
     lattice: Lattice
+    arrangement: str = "lattice"
+    arrangement_reason: str = ""
     warnings: list[str] = field(default_factory=list)
 
     @property
@@ -152,11 +172,17 @@ class Geometry:
         return self.count - self.fluid_count
 
 
-def build(case: Case, support: float, unlock: float = 0.0) -> Geometry:
+Arrange = Callable[[Regions, int], tuple["NDArray[np.float64]", "NDArray[np.float64]"]]
+"""What makes a fitted arrangement: from the regions and a seed to the way of each fluid particle from the middle of its
+cell (n, d), m, and its volume over that of the cell (n,); particles in the order of their cells."""
+
+
+def build(case: Case, support: float, unlock: float = 0.0, arrange: Arrange | None = None) -> Geometry:
     """The particles of a case at time 0.
 
     support: support radius of the smoothing kernel, m; sets the thickness of the walls.
     unlock: least random displacement of the fluid particles as a fraction of the spacing.
+    arrange: makes the fitted arrangement where the case has one; without it the particles stay on the lattice.
 
     Raises CaseError with every problem found: regions that overlap or hold no particle, no fluid at all, a
     domain thinner than a particle, a periodic axis shorter than the support's diameter, start values that are
@@ -169,14 +195,19 @@ def build(case: Case, support: float, unlock: float = 0.0) -> Geometry:
     walls = _Walls(case, lattice)
     walls.add_sides()
     walls.add_obstacles(problems)
-    region = _regions(case, lattice, walls.solid_in_domain(), problems, warnings)
+    region = _regions(case, lattice, walls.solid_in_domain(), problems)
     if problems:
         raise CaseError(problems)
 
     phase_index = {name: k for k, name in enumerate(case.phase_names)}
     # The entry appended at the end is what region -1, an empty cell, finds.
     phase_of_region = np.array([*(phase_index[fluid.phase] for fluid in case.fluids), -1], dtype=np.int32)
-    fluid = _fluid(case, lattice, region, max(case.start.noise, unlock))
+    regions = Regions(lattice, case.periodic, region, walls.solid_in_domain(), phase_of_region, _EntryAt(case))
+    arrangement, reason = _arrangement(case, regions)
+    if arrangement == "lattice":
+        warnings += _off_lattice(case, lattice)
+    packed = arrange(regions, case.start.seed) if arrange is not None and arrangement == "fitted" else None
+    fluid = _fluid(case, lattice, region, max(case.start.noise, unlock), None if packed is None else packed[0])
     velocity = _start_velocity(case, fluid, problems)
     pressure = None
     if case.start.pressure is not None:
@@ -197,18 +228,23 @@ def build(case: Case, support: float, unlock: float = 0.0) -> Geometry:
         return array
 
     vector = (lattice.dimension,)
+    volume = np.full(total, lattice.cell_volume)
+    if packed is not None:
+        volume[:fluids] *= packed[1]
     return Geometry(
         position=rows(fluid.position, walls.position, np.float64, vector),
         velocity=rows(velocity, walls.velocity, np.float64, vector),
         phase=rows(phase_of_region[region[fluid.cells]], -1, np.int32),
         kind=rows(None, WALL, np.uint8),
-        volume=np.full(total, lattice.cell_volume),
+        volume=volume,
         pressure=rows(pressure, 0.0, np.float64),
         wall_slip=rows(None, walls.slip, np.uint8),
         boundary_velocity=rows(None, walls.velocity, np.float64, vector),
         body=rows(None, walls.body, np.int32),
         body_names=tuple(walls.names),
         lattice=lattice,
+        arrangement=arrangement,
+        arrangement_reason=reason,
         warnings=warnings,
     )
 
@@ -333,6 +369,35 @@ def inside(shape: Shape, axes: Sequence[NDArray[np.float64]], spacing: float) ->
         return np.array(np.broadcast_to(flat.reshape(flat.shape + (1,) * (len(axes) - 2)), size))
     if shape.where is not None:
         return _values(shape.where.condition, _open_grid(shifted), size) != 0
+    raise ValueError("`rest` is no shape of its own")
+
+
+def contains(shape: Shape, points: NDArray[np.float64], spacing: float) -> NDArray[np.bool_]:
+    """Which points (n, d), m, lie in a shape other than `rest`; what lies on a border is decided as by `inside`.
+
+    spacing: particle spacing, m; what is nearer to a border than 1e-6 of it lies on the border.
+
+    Raises ExpressionError if a condition cannot be evaluated.
+    """
+    tiny = _ON_BORDER * spacing
+    shifted = points + tiny * np.array(_BORDER_SHIFT[: points.shape[1]])
+    if shape.box is not None:
+        return np.all((shape.box.lower <= shifted) & (shifted < np.array(shape.box.upper)), axis=1)
+    if shape.sphere is not None:
+        square = ((points - np.array(shape.sphere.center)) ** 2).sum(axis=1)
+        return np.asarray(square < max(shape.sphere.radius - tiny, 0.0) ** 2)
+    if shape.polygon is not None:
+        x, y = shifted[:, 0], shifted[:, 1]
+        corners = np.array(shape.polygon.points, dtype=np.float64)
+        odd = np.zeros(len(points), dtype=np.bool_)
+        for (x1, y1), (x2, y2) in zip(corners, np.roll(corners, -1, axis=0), strict=True):
+            if y1 > y2:  # the same edge gives the same numbers from both of its sides
+                x1, y1, x2, y2 = x2, y2, x1, y1
+            if y1 < y2:
+                odd ^= (y1 <= y) & (y < y2) & (x < x1 + (y - y1) * ((x2 - x1) / (y2 - y1)))
+        return odd
+    if shape.where is not None:
+        return _values(shape.where.condition, list(shifted.T), (len(points),)) != 0
     raise ValueError("`rest` is no shape of its own")
 
 
@@ -513,7 +578,6 @@ def _regions(
     lattice: Lattice,
     solid: NDArray[np.bool_] | None,
     problems: list[Problem],
-    warnings: list[str],
 ) -> NDArray[np.int32]:
     """Position in `case.fluids` of the region that holds each cell of the domain; -1 where there is none."""
     axes = lattice.axes(domain_only=True)
@@ -546,13 +610,50 @@ def _regions(
             remedy = "delete this region" if rest else "move or enlarge it, or make particle_spacing smaller"
             rule = f"{why} (particle_spacing: {case.spacing:g})"
             problems.append(Problem(path, fluid.shape.kind, rule, remedy))
-        for axis in _on_sites(fluid.shape, lattice):
-            warnings.append(
-                f"{path}.box: a face across the {axis} axis runs through the middle of particles, so the "
-                "region is half a spacing off there; choose a particle_spacing that puts it between rows"
-            )
         region[mask] = k
     return region
+
+
+def _off_lattice(case: Case, lattice: Lattice) -> list[str]:
+    """A line for each face of a box that a lattice cannot represent."""
+    return [
+        f"fluids.{k}.shape.box: a face across the {axis} axis runs through the middle of particles, so the "
+        "region is half a spacing off there; choose a particle_spacing that puts it between rows"
+        for k, fluid in sorted(enumerate(case.fluids), key=lambda item: item[1].shape.kind == "rest")
+        for axis in _on_sites(fluid.shape, lattice)
+    ]
+
+
+class _EntryAt:
+    """The rule that says which entry of `fluids` holds each of the points (n, d), VOID for none."""
+
+    def __init__(self, case: Case) -> None:
+        self.case = case
+
+    def __call__(self, points: NDArray[np.float64]) -> NDArray[np.int32]:
+        fluids = self.case.fluids
+        rest = next((k for k, fluid in enumerate(fluids) if fluid.shape.kind == "rest"), VOID)
+        entry = np.full(len(points), rest, dtype=np.int32)
+        # the first of two that overlap between the sites of the lattice has the point
+        for k in reversed(range(len(fluids))):
+            if fluids[k].shape.kind != "rest":
+                entry[contains(fluids[k].shape, points, self.case.spacing)] = k
+        return entry
+
+
+def _arrangement(case: Case, regions: Regions) -> tuple[str, str]:
+    """What `start.arrangement` comes to, and why."""
+    given = case.start.arrangement
+    if given != "auto":
+        return given, "as given"
+    if len(case.phases) < 2:
+        return "lattice", "a single phase"
+    pairs = fluid_pairs_off_lattice(regions)
+    if not pairs:
+        return "lattice", "every interface between two phases lies between rows of particles"
+    names = case.phase_names
+    told = ", ".join(f"{names[a]} and {names[b]}" for a, b in sorted(pairs))
+    return "fitted", f"the interface of {told} runs through rows of particles"
 
 
 # ------------------------------------------------------------------------------------------------------------
@@ -573,15 +674,19 @@ class _Fluid:
     shift: NDArray[np.float64] | None
 
 
-def _fluid(case: Case, lattice: Lattice, region: NDArray[np.int32], noise: float) -> _Fluid:
-    """A particle in the middle of every cell that belongs to a region, displaced by `start.noise`."""
+def _fluid(
+    case: Case, lattice: Lattice, region: NDArray[np.int32], noise: float, way: NDArray[np.float64] | None
+) -> _Fluid:
+    """A particle in the middle of every cell that belongs to a region, displaced by `way` (n, d), m, and by `noise`."""
     cells = np.nonzero(region >= 0)
     sites = _points(lattice.axes(domain_only=True), cells)
-    if not noise:
+    if not noise and way is None:
         return _Fluid(cells, sites, None)
     spacing = np.array(lattice.spacing)
     shift = np.random.default_rng(case.start.seed).uniform(-1.0, 1.0, sites.shape)
     shift *= noise * spacing
+    if way is not None:
+        shift += way
     position = sites + shift
     for k, sides in enumerate(case.sides):
         low, high, gap = lattice.lower[k], lattice.upper[k], _WALL_GAP * lattice.spacing[k]

@@ -16,15 +16,17 @@ from warpsph.kernels.smoothing import KERNELS
 from warpsph.kernels.spec import types_of
 from warpsph.launch import Launcher
 from warpsph.neighbours import default_width
+from warpsph.packing import Packer
 from warpsph.particles import Particles
-from warpsph.physics import Physics, derive, support_radius
+from warpsph.physics import Physics, contact_matrix, derive, support_radius
 from warpsph.snapshot import Snapshot
 from warpsph.stepper import Stepper
 
 if TYPE_CHECKING:
     from warpsph.case import Case
 
-KEPT_COUNTERS = (ck.STEPS, ck.REBUILDS, ck.SINCE_CONSTRAINT, ck.CHECKS, ck.STRAIGHT, ck.USELESS)
+KEPT_COUNTERS = (ck.STEPS, ck.REBUILDS, ck.STEPS_SINCE_RARE, ck.CHECKS, ck.STRAIGHT, ck.USELESS)
+RARE_WAY = 0.05  # way of the fastest particle, as share of h, after which the rare stages run again
 SHIFT_CAP = 0.01  # longest shift of a step as share of h
 
 
@@ -53,6 +55,7 @@ class Model:
         device: Warp device name, "cpu" or "cuda:0".
         threads: threads of a CPU device (default: all processors).
         geometry: particles of the case, if they are known already.
+        fresh: False if `load_state` follows: the start is then made no better than it takes to know the particles.
 
     Attributes:
         physics: numbers derived from the case.
@@ -61,7 +64,12 @@ class Model:
     """
 
     def __init__(
-        self, case: Case, device: str = "cpu", threads: int | None = None, geometry: Geometry | None = None
+        self,
+        case: Case,
+        device: str = "cpu",
+        threads: int | None = None,
+        geometry: Geometry | None = None,
+        fresh: bool = True,
     ) -> None:
         quiet_warp()
         self.case = case
@@ -70,8 +78,10 @@ class Model:
         self.geometry = geometry if geometry is not None else build(case, support_radius(case))
         self.physics: Physics = derive(case, self.geometry, row_list=self.launcher.is_cpu)
         unlock = float(self.physics.choices["unlock"])
-        if geometry is None and unlock > case.start.noise:
-            self.geometry = build(case, self.physics.support, unlock)
+        fitted = self.geometry.arrangement == "fitted"
+        if geometry is None and fresh and (fitted or unlock > case.start.noise):
+            arrange = Packer(self.launcher) if fitted else None
+            self.geometry = build(case, self.physics.support, unlock, arrange)
         self.particles = Particles(
             self.physics.spec, self.geometry.fluid_count, self.geometry.wall_count, self.device
         )
@@ -151,6 +161,7 @@ class Model:
             "params": params,
             "phases": wp.array(rows, dtype=Phase, device=self.device),
             "tension": wp.array(physics.tension.ravel(), dtype=real, device=self.device),
+            "contact_angles": wp.array(contact_matrix(case).ravel(), dtype=real, device=self.device),
         }
         skin = float(physics.choices["skin"])
         width = case.numerics.neighbour_capacity
@@ -169,6 +180,9 @@ class Model:
         clock[ck.CHECK_LASTS] = -1.0
         clock[ck.BOX_VOLUME] = float(geometry.volume[: geometry.fluid_count].sum())
         clock[ck.RUNAWAY] = physics.runaway
+        clock[ck.RARE_LIMIT] = RARE_WAY * h
+        clock[ck.RARE_CAP] = physics.step_cap.get("surface tension", math.inf)
+        clock[ck.MOMENTUM : ck.MOMENTUM + d] = self._mean_velocity()
         counters = np.zeros(ck.COUNTERS_SIZE, dtype=np.int32)
         counters[ck.FAULT_PARTICLE] = ck.NO_PARTICLE
         return Stepper(
@@ -187,6 +201,14 @@ class Model:
             clock,
             counters,
         )
+
+    def _mean_velocity(self) -> np.ndarray:
+        """Return the velocity of the centre of mass of the fluid, (d,) [m/s]."""
+        particles, nf = self.particles, self.particles.fluid_count
+        densities = np.array([phase.density for phase in self.case.phases.values()])
+        mass = densities[self.geometry.phase[:nf]] * particles.get("rest_volume").astype(np.float64)
+        momentum = mass @ particles.get("velocity")[:nf].astype(np.float64)
+        return np.asarray(momentum / mass.sum())
 
     # state ---------------------------------------------------------------------------------------------------------
 
@@ -304,6 +326,8 @@ class Model:
         for index in (
             ck.TIME, ck.STEP, ck.LAST_STEP, ck.EXCESS_PRESSURE, ck.BOX_VOLUME, ck.SPEED, ck.ACCELERATION, ck.OFFSET,
             ck.SHIFT, ck.CHECKED, ck.CHECK_TIME, ck.CHECK_LASTS, ck.DRIFT, ck.DRIFT_SPEED,
+            *range(ck.MOMENTUM, ck.MOMENTUM + 3), *range(ck.DRIFT_VELOCITY, ck.DRIFT_VELOCITY + 3),
+            ck.SINCE_RARE, ck.RARE_WAY,
         ):  # fmt: skip
             clock[index] = saved[index]
         self.stepper.write(

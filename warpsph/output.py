@@ -529,8 +529,7 @@ class RunFolder:
 
     def write_summary(self, summary: Mapping[str, Any]) -> None:
         """Write summary.json; numbers that JSON does not have (nan, inf) become null. Raises OutputError."""
-        text = json.dumps(_plain(summary), indent=2, allow_nan=False, ensure_ascii=False)
-        write_text(self.summary_path, text + "\n", durable=True)
+        write_text(self.summary_path, json_text(summary), durable=True)
 
     def read_summary(self) -> dict[str, Any]:
         """The content of summary.json; raises OutputError if it is missing or broken."""
@@ -557,6 +556,11 @@ def last_particles(folder: Path, dimension: int) -> Snapshot:
     if not series.frames:
         raise OutputError(f"{series.path}: no particles were written")
     return read_vtp(series.path.parent / series.frames[-1][1], dimension)
+
+
+def json_text(data: Mapping[str, Any]) -> str:
+    """JSON text of nested data; numbers that JSON does not have (nan, inf) become null."""
+    return json.dumps(_plain(data), indent=2, allow_nan=False, ensure_ascii=False) + "\n"
 
 
 def _plain(value: Any) -> Any:

@@ -21,11 +21,17 @@ if TYPE_CHECKING:
 
 # Mach number squared that a weakly compressible fluid may reach: density varies by about 1 %.
 COMPRESSION = 0.01
+# The same for the pressure that a phase sees which is lighter than LIGHT times the densest: it starts with the density of
+# its start pressure, or shares a closed domain with a stiffer phase, so that its volume follows the *change* of the pressure
+# alone, a fraction of what it sees. Its sound sets the time step.
+LIGHT = 0.2
+LIGHT_COMPRESSION = 0.04
 # Share of the scene's pressure range that a phase must carry even where it sees little of it itself.
 SHARED_PRESSURE = 0.01
-# Stiffness rho c^2 that a dense phase gets against the lightest one: with less, the lightest rings against it (measured in
-# the square droplet: noise of the pressure jump 0.009 Pa instead of 0.14 Pa).
-STIFFER = 1000.0
+# Stiffness rho c^2 that a dense phase gets against the lightest one. With less than 10 times, the light phase rings against
+# it (square droplet: noise of the pressure jump 0.14 instead of 0.009 Pa with 1 % of it); the pressure noise of the dense
+# phase grows with its rho c, and at 1000 times it tears the films of a rising bubble.
+STIFFER = 50.0
 # Curvature of a corner that the particles resolve, as share of 1/h: the pressure it makes must not compress much either.
 CORNER = 0.1
 # Forward-Euler limits of the viscous terms in rho h^2/mu (methods A9), with a margin.
@@ -152,10 +158,11 @@ def derive(case: Case, geometry: Geometry, row_list: bool = True) -> Physics:
         corrected and filled,
         "the corrected gradient leaves the mean pressure free" if corrected and filled else "not needed",
     )
+    locked = corrected and geometry.arrangement == "lattice"
     choose(
         "unlock",
-        UNLOCK if corrected else 0.0,
-        "a perfect lattice is no start for the corrected gradient" if corrected else "not needed",
+        UNLOCK if locked else 0.0,
+        "a perfect lattice is no start for the corrected gradient" if locked else "not needed",
     )
     dissipation = choose("velocity_dissipation", 1.0, "Riemann problem")
     choose("courant", 0.5, "half of the measured limit of the leapfrog")
@@ -178,6 +185,9 @@ def derive(case: Case, geometry: Geometry, row_list: bool = True) -> Physics:
         wall_no_slip=viscous and bool((geometry.wall_slip[geometry.kind == 1] == 0).any()),
         viscosity=str(form) if viscous else "none",
         tension=str(tension_form) if has_tension else "none",
+        contact_angle=has_tension
+        and geometry.wall_count > 0
+        and any(pair.contact_angle is not None and pair.coefficient > 0 for pair in case.surface_tension),
         interface=len(phases) > 1
         and (has_tension or any(gauge.type == "interface_length" for gauge in case.gauges.values())),
         corrected=corrected,
@@ -186,6 +196,7 @@ def derive(case: Case, geometry: Geometry, row_list: bool = True) -> Physics:
         body_force=bool(np.any(np.asarray(case.body_force, dtype=float) != 0)),
         shifting=float(shifting) > 0,
         volume_constraint=bool(constraint),
+        momentum_constraint=corrected and all(case.periodic) and geometry.wall_count == 0,
         interface_force=float(zeta) > 0 and len(phases) > 1,
         dissipation=float(dissipation) > 0,
         free_surface=not filled,
@@ -239,6 +250,18 @@ def tension_matrix(case: Case) -> np.ndarray:
         a, b = (names.index(name) for name in pair.between)
         matrix[a, b] = matrix[b, a] = pair.coefficient
     np.fill_diagonal(matrix, matrix.max(axis=1, initial=0.0))
+    return matrix
+
+
+def contact_matrix(case: Case) -> np.ndarray:
+    """Return the (phases, phases) cosine of the contact angle, of the row's phase against the column's; 0: 90 degrees."""
+    names = case.phase_names
+    matrix = np.zeros((len(names), len(names)))
+    for pair in case.surface_tension:
+        if pair.contact_angle is not None:
+            a, b = (names.index(name) for name in pair.between)
+            matrix[a, b] = math.cos(math.radians(pair.contact_angle))
+            matrix[b, a] = -matrix[a, b]
     return matrix
 
 
@@ -311,16 +334,20 @@ def flow_scales(
 def needed_sound_speeds(case: Case, scales: dict[str, float], seen: np.ndarray) -> list[float]:
     """Return the least sound speed of each phase [m/s] (methods A1).
 
-    c_k^2 >= max(U^2, p_k/rho_k, 0.01 p_max/rho_k, mu_k U/(rho_k L)) / 0.01, p_k the pressure that phase k sees.
+    c_k^2 >= max(U^2, p_k/rho_k, 0.01 p_max/rho_k, mu_k U/(rho_k L)) / 0.01, p_k the pressure that phase k sees; p_k / 4 for
+    a light phase whose volume is held by its start pressure or by a closed domain.
     """
     velocity, length = scales["velocity"], scales["length"]
     largest = float(seen.max(initial=0.0))
+    densest = max(case.phases[name].density for name in case.phase_names)
+    held = case.start.pressure is not None or not case.has_open_sides
     result = []
     for name, pressure in zip(case.phase_names, seen, strict=True):
         phase = case.phases[name]
+        share = LIGHT_COMPRESSION / COMPRESSION if held and phase.density < LIGHT * densest else 1.0
         square = max(
             velocity**2,
-            float(pressure) / phase.density,
+            float(pressure) / (share * phase.density),
             SHARED_PRESSURE * largest / phase.density,
             phase.viscosity * velocity / (phase.density * length) if length > 0 else 0.0,
         )
@@ -374,8 +401,9 @@ def step_limits(case: Case, spec: Spec, h: float, tension: np.ndarray) -> dict[s
         for i, a in enumerate(phases):
             for j, b in enumerate(phases):
                 if i != j and tension[i, j] > 0:
-                    rho = min(a.density, b.density)
-                    limit = min(limit, 0.5 * math.sqrt(rho * h**3 / (2 * math.pi * tension[i, j])))
+                    # capillary waves move both phases
+                    rho = 0.5 * (a.density + b.density)
+                    limit = min(limit, 0.25 * math.sqrt(rho * h**3 / (2 * math.pi * tension[i, j])))
         limits["surface tension"] = limit
     if case.numerics.maximum_step is not None:
         limits["maximum_step"] = float(case.numerics.maximum_step)

@@ -1,6 +1,8 @@
 """Pictures of a run, made from its run folder: particles coloured by a field, and curves of its gauges."""
 
+import csv
 import math
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,15 +18,18 @@ from warpsph.snapshot import Snapshot
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+    from matplotlib.collections import EllipseCollection
+    from matplotlib.figure import Figure, FigureBase
+    from matplotlib.lines import Line2D
 
 UNITS = FIELD_UNITS | {"mass": "kg", "phase": "1", "volume": "m^3"}
 """Unit of each field that can be drawn; in 2-D mass and volume are per metre of depth."""
 
 _UNITS_2D = {"mass": "kg/m", "volume": "m^2"}
+_DERIVED_UNITS = {"vorticity": "1/s"}  # of fields that no particle file holds
 _AXES = "xyz"
-_WALL_COLOUR = "0.75"
-_DISC = 2 / math.sqrt(math.pi)  # diameter / spacing of a disc as large as a particle's share of the plane
+WALL_COLOUR = "0.75"
+DISC = 2 / math.sqrt(math.pi)  # diameter / spacing of a disc as large as a particle's share of the plane
 _LONGEST_CURVE = 5000  # points; more than a picture can show
 _MOST_CURVES = 8  # in one panel
 
@@ -32,36 +37,45 @@ _MOST_CURVES = 8  # in one panel
 def plot_run(
     folder: Path | str,
     field: str = "pressure",
-    times: Sequence[float] | None = None,
+    times: Sequence[float] | slice | None = None,
     output: Path | str | None = None,
     slice_axis: str | None = None,
+    over: np.ndarray | None = None,
 ) -> list[Path]:
     """Draw the particles of a run at some times and the curves of its gauges; return the PNG files written.
 
     folder: run folder
     field: a scalar field of the particle files, a component of a vector (velocity_x), or the magnitude of a
         vector (velocity; speed is the same)
-    times: s; for each the nearest frame is drawn (default: the first, the middle and the last frame)
+    times: s; for each the nearest frame is drawn, of slice(T1, T2) every frame from T1 to T2 (default: the first,
+        the middle and the last frame)
     output: PNG of the particles (default: plots/<field>.png in the run folder); the gauges go beside it, to
         <output>_gauges.png (default: plots/gauges.png)
     slice_axis: "x", "y" or "z": in 3-D the axis that the slice through the middle is normal to (default: the
         shortest side of the scene)
+    over: (n, 2, 2) segments that are drawn over the particles of every frame, see `read_segments` [m]
 
-    Raises CaseError if there is no such run or no such field in it, OutputError if a file cannot be read or
-    written.
+    Raises CaseError if there is no such run or no such field or time in it, OutputError if a file cannot be read
+    or written.
     """
     folder = Path(folder)
-    series, walls = _read_series(folder)
+    series, walls = read_series(folder)
     if output is None:
         particles_png, gauges_png = folder / "plots" / f"{field}.png", folder / "plots" / "gauges.png"
     else:
         particles_png = Path(output)
         gauges_png = particles_png.with_name(f"{particles_png.stem}_gauges{particles_png.suffix}")
 
-    frames = [_read_frame(series, walls, name) for name in _choose(series.frames, times)]
-    frames, plane, note = _slice(frames, slice_axis)
-    names = _phase_names(folder)
-    written = [_save(_draw_particles(frames, plane, field, note, names), particles_png)]
+    frames = [read_frame(series, walls, name) for name in choose_frames(series.frames, times)]
+    corners = [corners_of(frame) for frame in frames]
+    view = view_of(
+        np.min([lower for lower, _ in corners], axis=0),
+        np.max([upper for _, upper in corners], axis=0),
+        frames[0].fluid.particle_spacing,
+        slice_axis,
+    )
+    frames = [view.cut(frame) for frame in frames]
+    written = [_save(_draw_particles(frames, view, field, phase_names(folder), over), particles_png)]
     curves = _draw_gauges(sorted((folder / "gauges").glob("*.csv")))
     if curves is not None:
         written.append(_save(curves, gauges_png))
@@ -69,8 +83,8 @@ def plot_run(
 
 
 @dataclass
-class _Frame:
-    """What one panel shows."""
+class Frame:
+    """What one picture of the particles shows."""
 
     time: float  # s
     fluid: Snapshot
@@ -80,7 +94,7 @@ class _Frame:
 # ---- reading ---------------------------------------------------------------------------------------------
 
 
-def _read_series(folder: Path) -> tuple[Series, Series]:
+def read_series(folder: Path) -> tuple[Series, Series]:
     """The frames of the fluid, of which there is at least one, and of the walls."""
     if not folder.is_dir():
         remedy = "name the folder of a run, e.g. runs/drop"
@@ -94,25 +108,39 @@ def _read_series(folder: Path) -> tuple[Series, Series]:
     return series, walls
 
 
-def _choose(frames: list[tuple[float, str]], times: Sequence[float] | None) -> list[tuple[float, str]]:
-    """The frames nearest to `times` [s], each once and in order of time."""
+def choose_frames(
+    frames: list[tuple[float, str]], times: Sequence[float] | slice | None
+) -> list[tuple[float, str]]:
+    """The frames nearest to `times` [s], each once and in order of time; of a slice(T1, T2) all from T1 to T2.
+
+    Raises CaseError if no frame is within the slice.
+    """
+    stored = np.array([time for time, _ in frames])
     if times is None:
         chosen = {0, (len(frames) - 1) // 2, len(frames) - 1}
+    elif isinstance(times, slice):
+        start = -math.inf if times.start is None else times.start - 1e-9 * abs(times.start)
+        stop = math.inf if times.stop is None else times.stop + 1e-9 * abs(times.stop)
+        chosen = set(np.flatnonzero((start <= stored) & (stored <= stop)).tolist())
+        if not chosen:
+            given = ":".join("" if end is None else f"{end:g}" for end in (times.start, times.stop))
+            remedy = f"the run has frames from {stored[0]:g} to {stored[-1]:g} s"
+            raise CaseError([Problem("times", given, "no frame of the run is within", remedy)])
     else:
-        stored = np.array([time for time, _ in frames])
         chosen = {int(np.argmin(np.abs(stored - time))) for time in times}
     return [frames[index] for index in sorted(chosen)]
 
 
-def _read_frame(series: Series, walls: Series, frame: tuple[float, str]) -> _Frame:
+def read_frame(series: Series, walls: Series, frame: tuple[float, str]) -> Frame:
+    """The particles of an entry of `series.frames`, with the walls as they are then."""
     time, name = frame
     folder = series.path.parent
     # Walls at rest are written once: the last frame up to this time holds.
     wall_name = next((wall for moment, wall in reversed(walls.frames) if moment <= time * (1 + 1e-9)), None)
-    return _Frame(time, read_vtp(folder / name), read_vtp(folder / wall_name) if wall_name else None)
+    return Frame(time, read_vtp(folder / name), read_vtp(folder / wall_name) if wall_name else None)
 
 
-def _phase_names(folder: Path) -> list[str]:
+def phase_names(folder: Path) -> list[str]:
     """Names of the phases from the run's case.yaml; empty if that cannot be read (it costs a legend only)."""
     try:
         return list(read_yaml((folder / "case.yaml").read_text(encoding="utf-8"))["phases"])
@@ -123,9 +151,9 @@ def _phase_names(folder: Path) -> list[str]:
 # ---- geometry --------------------------------------------------------------------------------------------
 
 
-def _box(frames: list[_Frame]) -> tuple[np.ndarray, np.ndarray]:
+def corners_of(frame: Frame) -> tuple[np.ndarray, np.ndarray]:
     """Corners (3,) of all particles, those of a run that went wrong at infinity left out [m]."""
-    parts = [part for frame in frames for part in (frame.fluid, frame.wall) if part is not None]
+    parts = [part for part in (frame.fluid, frame.wall) if part is not None]
     position = np.concatenate([part.position for part in parts])
     position = position[np.isfinite(position).all(axis=1)]
     if len(position) == 0:
@@ -133,30 +161,66 @@ def _box(frames: list[_Frame]) -> tuple[np.ndarray, np.ndarray]:
     return position.min(axis=0), position.max(axis=0)
 
 
-def _slice(frames: list[_Frame], slice_axis: str | None) -> tuple[list[_Frame], tuple[int, int], str]:
-    """Cut 3-D frames to a slice through the middle; also the two axes to draw and a note on the slice.
+@dataclass(frozen=True)
+class View:
+    """Which part of a scene a picture shows."""
 
-    Frames of a 2-D run come back as they are, with an empty note.
+    axes: tuple[int, int]
+    """the axes to the right and upwards"""
+    lower: np.ndarray
+    """(2,) lower corner of the picture [m]"""
+    upper: np.ndarray
+    """(2,) upper corner of the picture [m]"""
+    spacing: float
+    """distance of the particles [m]"""
+    middle: float | None
+    """where the third axis is cut [m]; None in 2-D"""
+
+    @property
+    def aspect(self) -> float:
+        """Height over width."""
+        return float((self.upper[1] - self.lower[1]) / (self.upper[0] - self.lower[0]))
+
+    @property
+    def note(self) -> str:
+        """Where the slice is; empty in 2-D."""
+        return "" if self.middle is None else f"slice at {_AXES[3 - sum(self.axes)]} = {self.middle:.4g} m"
+
+    def cut(self, frame: Frame) -> Frame:
+        """The particles of a frame within half a spacing of the slice; in 2-D the frame as it is."""
+        if self.middle is None:
+            return frame
+        axis, middle = 3 - sum(self.axes), self.middle
+        half = 0.5 * self.spacing * (1 + 1e-5)
+
+        def part(of: Snapshot) -> Snapshot:
+            return of.select(np.abs(of.position[:, axis] - middle) <= half)
+
+        return Frame(frame.time, part(frame.fluid), None if frame.wall is None else part(frame.wall))
+
+    def place(self, part: Snapshot) -> np.ndarray:
+        """(n, 2) positions in the picture [m]."""
+        return part.position[:, self.axes]
+
+
+def view_of(lower: np.ndarray, upper: np.ndarray, spacing: float, slice_axis: str | None) -> View:
+    """The view of particles between two corners (3,) [m]; in 3-D a slice through the middle.
+
+    slice_axis: axis that the slice is normal to; None for the shortest side of the scene. Raises CaseError for any
+    other name than x, y, z.
     """
-    lower, upper = _box(frames)
     extent = upper - lower
-    if slice_axis is None:
-        if extent[2] == 0:
-            return frames, (0, 1), ""
-        axis = 2 - int(np.argmin(extent[::-1]))  # the last of equally short sides
-    elif slice_axis in _AXES:
-        axis = _AXES.index(slice_axis)
-    else:
+    middle: float | None = None
+    axis = 2
+    if slice_axis is not None and slice_axis not in _AXES:
         raise CaseError([Problem("slice_axis", slice_axis, "no such axis", "choose from: x, y, z")])
-    middle = 0.5 * (lower[axis] + upper[axis])
-    half = 0.5 * frames[0].fluid.particle_spacing * (1 + 1e-5)
-
-    def cut(part: Snapshot) -> Snapshot:
-        return part.select(np.abs(part.position[:, axis] - middle) <= half)
-
-    cuts = [_Frame(f.time, cut(f.fluid), None if f.wall is None else cut(f.wall)) for f in frames]
+    if slice_axis is not None or extent[2] > 0:
+        # by default the last of equally short sides
+        axis = 2 - int(np.argmin(extent[::-1])) if slice_axis is None else _AXES.index(slice_axis)
+        middle = float(0.5 * (lower[axis] + upper[axis]))
     first, second = (other for other in range(3) if other != axis)
-    return cuts, (first, second), f"slice at {_AXES[axis]} = {middle:.4g} m"
+    shown = [first, second]
+    return View((first, second), lower[shown] - spacing, upper[shown] + spacing, spacing, middle)
 
 
 def _parse_field(field: str) -> tuple[str, int | None]:
@@ -177,7 +241,7 @@ def _written(part: Snapshot, name: str) -> bool:
     return len(values) == 0 or bool(np.any(values >= 0) if name == "phase" else not np.all(np.isnan(values)))
 
 
-def _values(part: Snapshot, field: str) -> np.ndarray:
+def values_of(part: Snapshot, field: str) -> np.ndarray:
     """(n,) values of a field, of a component or of the magnitude of a vector. Raises CaseError if absent."""
     name, axis = _parse_field(field)
     if name not in UNITS or not _written(part, name):
@@ -192,46 +256,62 @@ def _values(part: Snapshot, field: str) -> np.ndarray:
 # ---- particles -------------------------------------------------------------------------------------------
 
 
+@dataclass(frozen=True)
+class ColourScale:
+    """How the values of a field become colours."""
+
+    field: str
+    colours: Any  # name of a colour map, or the map
+    norm: Any  # matplotlib's Normalize
+    extend: str  # which ends are open: neither, min, max or both
+
+    def bar(self, figure: "FigureBase", axes: "list[Axes]", view: View, names: list[str]) -> None:
+        """Draw the colour bar of some panels; `names` are those of the phases."""
+        from matplotlib.cm import ScalarMappable
+        from matplotlib.colors import BoundaryNorm
+
+        bar = figure.colorbar(ScalarMappable(self.norm, self.colours), ax=axes, extend=self.extend, aspect=30)
+        bar.set_label(_label(self.field, flat=view.middle is None))
+        if isinstance(self.norm, BoundaryNorm):
+            ticks = range(int(self.norm.boundaries[0] + 0.5), int(self.norm.boundaries[-1] + 0.5))
+            bar.set_ticks(list(ticks), labels=[names[k] if k < len(names) else str(k) for k in ticks])
+
+
+def scale_of(field: str, values: np.ndarray) -> ColourScale:
+    """The colour scale for all `values` of a field that are to be shown."""
+    if field == "phase":
+        return ColourScale(field, *_phase_colours(values), "neither")
+    return ColourScale(field, *_colour_scale(values))
+
+
+def set_axes(panel: "Axes", view: View) -> None:
+    """Give a panel the limits and labels of a view."""
+    (left, bottom), (right, top) = view.lower, view.upper
+    panel.set(xlim=(left, right), ylim=(bottom, top), aspect="equal")
+    panel.set_xlabel(f"{_AXES[view.axes[0]]} [m]")
+    panel.set_ylabel(f"{_AXES[view.axes[1]]} [m]")
+
+
 def _draw_particles(
-    frames: list[_Frame], plane: tuple[int, int], field: str, note: str, phase_names: list[str]
+    frames: list[Frame], view: View, field: str, names: list[str], over: np.ndarray | None
 ) -> "Figure":
     """One panel a frame, discs as large as the particles, one colour scale for all."""
-    from matplotlib.cm import ScalarMappable
-    from matplotlib.colors import BoundaryNorm, Colormap, Normalize
-
-    fields = [_values(frame.fluid, field) for frame in frames]
-    everything = np.concatenate(fields)
-    colours: str | Colormap
-    norm: Normalize
-    extend = "neither"
-    if field == "phase":
-        colours, norm = _phase_colours(everything)
-    else:
-        colours, norm, extend = _colour_scale(everything)
-
-    spacing = frames[0].fluid.particle_spacing
-    lower, upper = (corner[list(plane)] for corner in _box(frames))
-    lower, upper = lower - spacing, upper + spacing
-    width, height = upper - lower
-
-    figure, axes = _panels(len(frames), height / width)
+    fields = [values_of(frame.fluid, field) for frame in frames]
+    scale = scale_of(field, np.concatenate(fields))
+    figure, axes = _panels(len(frames), view.aspect)
     for panel, frame, values in zip(axes, frames, fields, strict=True):
         if frame.wall is not None:
-            _draw_discs(panel, frame.wall.position[:, plane], _DISC * spacing, color=_WALL_COLOUR)
-        _draw_discs(
-            panel, frame.fluid.position[:, plane], _DISC * spacing, array=values, cmap=colours, norm=norm
+            draw_discs(panel, view.place(frame.wall), view.spacing, color=WALL_COLOUR)
+        draw_discs(
+            panel, view.place(frame.fluid), view.spacing, array=values, cmap=scale.colours, norm=scale.norm
         )
-        panel.set(xlim=(lower[0], upper[0]), ylim=(lower[1], upper[1]), aspect="equal")
+        if over is not None:
+            draw_segments(panel, over)
+        set_axes(panel, view)
         panel.set_title(f"t = {frame.time:.4g} s")
-        panel.set_xlabel(f"{_AXES[plane[0]]} [m]")
-        panel.set_ylabel(f"{_AXES[plane[1]]} [m]")
-    bar = figure.colorbar(ScalarMappable(norm, colours), ax=list(axes), extend=extend, aspect=30)
-    bar.set_label(_label(field, flat=not note))
-    if isinstance(norm, BoundaryNorm):
-        ticks = range(int(norm.boundaries[0] + 0.5), int(norm.boundaries[-1] + 0.5))
-        bar.set_ticks(list(ticks), labels=[phase_names[k] if k < len(phase_names) else str(k) for k in ticks])
-    if note:
-        figure.suptitle(note)
+    scale.bar(figure, axes, view, names)
+    if view.note:
+        figure.suptitle(view.note)
     return figure
 
 
@@ -255,12 +335,14 @@ def _panels(count: int, aspect: float) -> "tuple[Figure, list[Axes]]":
     return figure, axes[:count]
 
 
-def _draw_discs(panel: "Axes", position: np.ndarray, diameter: float, **style: Any) -> None:
-    """Discs of a diameter in the units of the axes, (n, 2) positions [m]."""
+def draw_discs(panel: "Axes", position: np.ndarray, spacing: float, **style: Any) -> "EllipseCollection":
+    """Discs as large as particles of a spacing, at (n, 2) positions, both in the units of the axes."""
     from matplotlib.collections import EllipseCollection
 
     style.update(units="xy", offsets=position, offset_transform=panel.transData, linewidth=0)
-    panel.add_collection(EllipseCollection([diameter], [diameter], [0.0], **style), autolim=False)
+    discs = EllipseCollection([DISC * spacing], [DISC * spacing], [0.0], **style)
+    panel.add_collection(discs, autolim=False)
+    return discs
 
 
 def _colour_scale(values: np.ndarray) -> tuple[str, Any, str]:
@@ -301,13 +383,98 @@ def _phase_colours(values: np.ndarray) -> tuple[Any, Any]:
 def _label(field: str, flat: bool) -> str:
     """Name and unit of a field for an axis or colour bar."""
     name, _ = _parse_field(field)
-    unit = _UNITS_2D.get(name, UNITS[name]) if flat else UNITS[name]
+    units = UNITS | _DERIVED_UNITS | (_UNITS_2D if flat else {})
     title = "speed" if field == "velocity" else field.replace("_", " ")
-    return _with_unit(title, unit)
+    return _with_unit(title, units[name])
 
 
 def _with_unit(title: str, unit: str) -> str:
     return title if unit in ("", "1") else f"{title} [{unit}]".strip()
+
+
+# ---- reference interfaces over the particles ---------------------------------------------------------------
+
+
+SEGMENT_COLUMNS = ("x1", "y1", "x2", "y2")
+
+
+def read_segments(
+    path: Path | str,
+    scale: float = 1.0,
+    offset: Sequence[float] = (0.0, 0.0),
+    mirror: float | None = None,
+) -> np.ndarray:
+    """Read the segments of a reference interface, (n, 2, 2): of each the two ends, of these x and y [m].
+
+    path: CSV file whose first four columns are x1, y1, x2, y2; the names may go on (x1_over_R, "y1 [m]"), further
+        columns are left alone, as are blank lines and those that begin with #
+    scale: length of the file's unit [m]
+    offset: where the file's origin is in the scene [m]; added after scaling
+    mirror: x of an axis of symmetry in the scene [m]; the segments come twice, as they are and mirrored about it
+
+    Raises CaseError if the file cannot be read or is no such table, or a number is not finite.
+    """
+    needed = f"name a CSV file whose first columns are {', '.join(SEGMENT_COLUMNS)}"
+    given = {"over_scale": [scale], "over_offset": list(offset), "over_mirror": [] if mirror is None else [mirror]}
+    problems = [
+        Problem(key, numbers, "needs finite numbers", "write e.g. 0.5")
+        for key, numbers in given.items()
+        if not all(math.isfinite(number) for number in numbers)
+    ]
+    if scale == 0:
+        remedy = "give the length of the file's unit in m"
+        problems.append(Problem("over_scale", scale, "needs a number other than 0", remedy))
+    if len(offset) != 2:
+        problems.append(Problem("over_offset", list(offset), "needs two numbers", "write e.g. 0.5,0"))
+
+    def refuse(rule: str, remedy: str = needed) -> None:
+        raise CaseError([*problems, Problem("over", str(path), rule, remedy)])
+
+    rows: list[list[float]] = []
+    heading: list[str] | None = None
+    try:
+        with open(path, encoding="utf-8", newline="") as file:
+            reader = csv.reader(file)
+            for row in reader:
+                if not any(cell.strip() for cell in row) or row[0].lstrip().startswith("#"):
+                    continue
+                if heading is None:
+                    heading = [cell.strip() for cell in row[:4]]
+                    named = [re.match(r"[xy][12](?![0-9A-Za-z])", cell) for cell in heading]
+                    if tuple(match.group() if match else "" for match in named) != SEGMENT_COLUMNS:
+                        refuse(f"its first columns are {', '.join(heading)}")
+                    continue
+                try:
+                    numbers = [float(cell) for cell in row[:4]]
+                except ValueError:
+                    numbers = []
+                if len(numbers) != 4 or not all(math.isfinite(number) for number in numbers):
+                    refuse(f"line {reader.line_num} does not begin with four numbers", "correct or delete the line")
+                rows.append(numbers)
+    except OSError as error:
+        refuse(f"cannot be read: {error.strerror or error}")
+    except (UnicodeDecodeError, csv.Error):
+        refuse("is no CSV file")
+    if not rows:
+        refuse("holds no segments")
+    if problems:
+        raise CaseError(problems)
+    segments = np.array(rows, np.float64).reshape(-1, 2, 2) * scale + np.asarray(offset, np.float64)
+    if mirror is None:
+        return segments
+    return np.concatenate([segments, np.array([2.0 * mirror, 0.0]) + segments * np.array([-1.0, 1.0])])
+
+
+def draw_segments(panel: "Axes", segments: np.ndarray, colour: str = "black") -> "Line2D":
+    """Draw segments (n, 2, 2) [m] over whatever a panel shows, with a white rim that sets them off."""
+    from matplotlib.patheffects import Normal, Stroke
+
+    # one curve, broken by nan after each segment: the rim of one segment must not cover the end of another
+    breaks = np.full((len(segments), 1, 2), np.nan)
+    x, y = np.concatenate([segments, breaks], axis=1).reshape(-1, 2).T
+    rim = [Stroke(linewidth=2.6, foreground="white"), Normal()]
+    (line,) = panel.plot(x, y, color=colour, linewidth=1.2, path_effects=rim, scalex=False, scaley=False)
+    return line
 
 
 # ---- gauges ----------------------------------------------------------------------------------------------

@@ -118,7 +118,7 @@ class Simulation:
         if restart is not None:
             self._restart = _find_checkpoint(Path(restart), self.warnings.append)
             state, attributes = checkpoint.load(self._restart)
-        self.model: Model = Model(case, device=device, threads=threads)
+        self.model: Model = Model(case, device=device, threads=threads, fresh=state is None)
         if state is not None:
             _check_fit(self.model, state, attributes)
             try:
@@ -493,7 +493,8 @@ class Simulation:
         origin = None if self._restart is None else {"time": self.started_at, "step": self.first_step}
         particles = model.particles
         last = model.snapshot() if status == "finished" else None
-        results = compare(self.case, None, gauges=self._gauges, snapshot=last, end_time=model.time)
+        frames = None if self.folder is None else self.folder.path
+        results = compare(self.case, None, gauges=self._gauges, snapshot=last, end_time=model.time, frames=frames)
         stages: dict[str, float] = {}
         for task in [*model.stepper.step_tasks, *model.stepper.list.tasks, *model.stepper.list.check_tasks]:
             label = task.name if task in model.stepper.step_tasks else f"list: {task.name}"
@@ -623,6 +624,7 @@ def describe(case: Case) -> dict[str, Any]:
         known[f"phases.{name}.sound_speed"] = c
     for name, value in physics.scales.items():
         known[f"scales.{name}"] = value
+    known["start.arrangement"] = geometry.arrangement
     spec = physics.spec
     return {
         "resolved": case.resolved(known),
@@ -630,10 +632,11 @@ def describe(case: Case) -> dict[str, Any]:
             **{name: value for name, value in dataclasses.asdict(spec).items() if name != "row_list"},
             "smoothing length": f"{physics.h:.6g} m",
             "support radius": f"{physics.support:.6g} m",
+            "start arrangement": f"{geometry.arrangement}: {geometry.arrangement_reason}",
             "step limits": {name: f"{value:.4g} s" for name, value in physics.step_cap.items()},
             "fields": [field.name for field in fields_of(spec)],
         },
-        "reasons": physics.reasons,
+        "reasons": {**physics.reasons, "start.arrangement": geometry.arrangement_reason},
         "stages": [{"name": stage.name, "reason": stage.reason} for stage in riemann.step(spec)],
         "absent": [{"name": row.name, "reason": row.reason} for row in riemann.absent(spec)],
         "warnings": [*geometry.warnings, *physics.warnings],
@@ -648,7 +651,7 @@ def estimate(case: Case) -> dict[str, Any]:
     geometry = build(case, support_radius(case))
     physics = derive(case, geometry)
     spec = physics.spec
-    size = {"real": 1, "vec": spec.dimension, "pair": 2}
+    size = {"real": 1, "vec": spec.dimension, "mat": spec.dimension**2, "pair": 2}
     width = 8 if case.precision == "float64" else 4
     per_row = {"int8": 1, "uint8": 1, "int16": 2, "int32": 4}
     rows = {"fluid": geometry.fluid_count, "wall": geometry.wall_count, "all": geometry.count}

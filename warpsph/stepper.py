@@ -57,7 +57,7 @@ class Stepper:
         self.counters: Any = wp.array(counters, dtype=int, device=device)
         self.maxima = wp.zeros(ck.MAXIMA * launcher.threads, dtype=types_of(spec).real, device=device)
         self.faults = wp.full(launcher.threads, ck.NO_PARTICLE, dtype=int, device=device)
-        blocks = BLOCKS[launcher.is_cpu] if spec.volume_constraint else 0
+        blocks = BLOCKS[launcher.is_cpu] if spec.volume_constraint or spec.momentum_constraint else 0
         self.bindings = Bindings(device, values)
         self.bindings.update(particles.arrays)
         self.bindings.update(
@@ -70,6 +70,8 @@ class Stepper:
             block_count=blocks,
             volume_sums=wp.zeros(blocks, dtype=wp.vec2d, device=device),
             volume_folds=wp.zeros(ck.FOLDS if blocks else 0, dtype=wp.vec2d, device=device),
+            momentum_sums=wp.zeros(blocks, dtype=wp.vec4d, device=device),
+            momentum_folds=wp.zeros(ck.FOLDS if blocks else 0, dtype=wp.vec4d, device=device),
             advancing=1,
         )
         self.list = NeighbourList(particles, launcher, self.bindings, **neighbour_list)
@@ -86,6 +88,9 @@ class Stepper:
         }
         tasks = {name: [self._task(stage) for stage in stages] for name, stages in groups.items()}
         self.step_tasks, self.start_tasks, self.geometry_tasks = tasks["step"], tasks["start"], tasks["geometry"]
+        rare = [k for k, stage in enumerate(groups["step"]) if stage.rare]
+        first, end = (rare[0], rare[-1] + 1) if rare else (0, 0)
+        self.rare = range(first, end)
         self._band_tasks = [
             task
             for name, stages in groups.items()
@@ -214,8 +219,9 @@ class Stepper:
         _, counters = self.read()
         self._care_for_list(counters)
         while counters[ck.RUNNING]:
-            for task in self.step_tasks:
-                task.timed()
+            for k, task in enumerate(self.step_tasks):
+                if k not in self.rare or counters[ck.RARE]:
+                    task.timed()
             self._care_for_list(counters)
 
     def _care_for_list(self, counters: np.ndarray) -> None:
@@ -243,6 +249,11 @@ class Stepper:
             return self.counters[index : index + 1]
 
         running, care, unsure, used_up = flag(ck.RUNNING), flag(ck.CARE), flag(ck.CHECK), flag(ck.REBUILD)
+        tasks, rare = self.step_tasks, self.rare
+
+        def rare_tasks() -> None:
+            for k in rare:
+                tasks[k].run()
 
         def check() -> None:
             for task in self.list.check_tasks:
@@ -257,7 +268,11 @@ class Stepper:
             wp.capture_if(used_up, rebuild)
 
         def body() -> None:
-            for task in self.step_tasks:
+            for task in tasks[: rare.start]:
+                task.run()
+            if rare:
+                wp.capture_if(flag(ck.RARE), rare_tasks)
+            for task in tasks[rare.stop :]:
                 task.run()
             # last in the step: a list that proves too narrow stops the loop before anything reads it; one condition where
             # nothing is to be done, because each costs some microseconds

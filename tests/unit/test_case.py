@@ -78,6 +78,11 @@ reference:
             curves: {file: profile.csv, position: y_m, columns: {0.01: "u_t=0.01", 0.0225: b}}}
   l1: {particles: last, field: speed, exact: "exp(-8*pi**2/100*t)*sqrt(cos(x)**2 + sin(y)**2)", norm: l1}
   l2: {particles: last, field: velocity, exact: ["x*exp(-t)", 0], norm: l2}
+validation:
+  quick: [{name: "52"}]
+  seed:
+    - {name: R/20 ratio 1000, changes: {particle_spacing: 2/100, phases.gas: {density: 1}, reference.l1: null}}
+  figure: {field: vorticity, times: [0, 1, 2]}
 """
 
 SMALL = {
@@ -434,6 +439,10 @@ IN_3D = {"dimension": 3, "domain": {"lower": [0, 0, 0], "upper": [1, 1, 1]}}
         ("reference.decay.gauge", "profile", "reference.decay.gauge", "type line"),
         ("reference.profile.gauge", "energy", "reference.profile.gauge", "type line"),
         ("reference.profile.curves.columns", {"a": "b"}, "reference.profile.curves.columns", "times"),
+        ("reference.pressure_jump.reduce", "slope", "reference.pressure_jump.gauge", "type line"),
+        ("reference.pressure_jump.between", [0.2, 0.1], "reference.pressure_jump.between", "smaller one first"),
+        ("reference.pressure_jump.gauge", "profile", "reference.pressure_jump.gauge", "profiles"),
+        ("reference.decay.window", [2, 1], "reference.decay.window", "the first before the second"),
         ("reference.l1.exact", "z", "reference.l1.exact", "uses z"),
         ("reference.l1.exact", ["x", "y"], "reference.l1.exact", "needs 1 formula"),
         ("reference.l2.exact", "x", "reference.l2.exact", "needs 2 formulas"),
@@ -450,6 +459,24 @@ def test_refused(path, value, where, rule):
     assert rule in problems[where].rule
     # A problem must not drag others along, bar those that it really causes.
     assert len(problems) <= 2 or path == "phases", problems
+
+
+LINE = {"phase": "water", "interface": {"file": "line.csv", "time": 0.5}}
+
+
+def line(**changes):
+    """An interface to compare with, its file changed."""
+    return {**LINE, "interface": {**LINE["interface"], **changes}}
+
+
+@pytest.mark.parametrize("output", [{}, {"particles": {"interval": 0.1}}, {"particles": {"times": [0.25, 0.5]}}])
+def test_an_interface_to_compare_with(output):
+    case = Case.from_dict(small(reference={"a": line(time="1/2", mirror="none")}, output=output))
+    spec = case.reference["a"]
+    assert (spec.interface.scale, spec.interface.offset, spec.interface.mirror) == (1.0, (0.0, 0.0), None)
+    assert Case.from_dict(case.to_dict()) == case
+    # the end of the run is written too
+    Case.from_dict(small(reference={"a": line(time=1.0)}, output={"particles": {"interval": 0.3}}))
 
 
 @pytest.mark.parametrize(
@@ -469,6 +496,20 @@ def test_refused(path, value, where, rule):
             | {"fluids": [{"phase": "water", "shape": {"polygon": {"points": [[0, 0], [1, 0], [0, 1]]}}}]},
             "fluids.0.shape.polygon",
             "dimension: 2",
+        ),
+        (IN_3D | {"gauges": {"f": {"type": "contour", "interval": 1}}}, "gauges.f.type", "dimension: 2"),
+        ({"gauges": {"f": {"type": "contour", "interval": 1, "mirror": "z"}}}, "gauges.f.mirror", "one of x, y, none"),
+        (IN_3D | {"reference": {"a": LINE}}, "reference.a", "dimension: 2"),
+        ({"reference": {"a": LINE | {"phase": "oil"}}}, "reference.a.phase", "one of the phases"),
+        ({"reference": {"a": LINE | {"relative_to": "peak"}}}, "reference.a.relative_to", "domain, phase"),
+        ({"reference": {"a": line(offset=[0])}}, "reference.a.interface.offset", "2 numbers"),
+        ({"reference": {"a": LINE}, "output": {"particles": "none"}}, "reference.a.interface.time", "particle files"),
+        ({"reference": {"a": LINE}, "output": {"particles": {"interval": 0.3}}}, "reference.a.interface.time", "not a time"),
+        ({"reference": {"a": LINE}, "output": {"particles": {"times": [0.3]}}}, "reference.a.interface.time", "not a time"),
+        (
+            {"reference": {"a": LINE}, "output": {"particles": {"interval": 0.5, "fields": ["mass"]}}},
+            "reference.a.interface",
+            "phase, density",
         ),
     ],
 )
@@ -628,6 +669,51 @@ def test_overrides(folder: Path):
     assert (case.fluids[0].phase, case.title) == ("liquid", "a = b")
     assert case.start.velocity[1].evaluate(x=3.0) == 3
     assert list(case.gauges)[-1] == "extra"
+
+
+def test_validation_runs_keep_their_changes(full: Case):
+    assert [run.name for run in full.validation.quick] == ["52"]
+    run = full.validation.seed[0]
+    assert run.changes["particle_spacing"] == "2/100" and run.changes["phases.gas"] == {"density": 1}
+    assert full.validation.fine == () and full.validation.figure.times == (0.0, 1.0, 2.0)
+    again = Case.from_dict(full.to_dict(), full.source_folder)
+    assert again == full and again.validation.seed[0].changes == run.changes
+    assert "validation" not in full.resolved()
+
+
+def test_a_case_without_a_validation_section_has_one_quick_run():
+    case = Case.from_dict(small())
+    assert [(run.name, dict(run.changes)) for run in case.validation.quick] == [("default", {})]
+    assert case.validation.seed == case.validation.fine == () and case.validation.figure is None
+
+
+@pytest.mark.parametrize(
+    "section, path, words",
+    [
+        ({"quick": [{"name": 52}]}, "validation.quick.0.name", 'write name: "52"'),
+        ({"quick": [{"name": "a/../b|"}]}, "validation.quick.0.name", "letters, digits"),
+        ({"quick": [{"name": "1 a"}, {"name": "1_A"}]}, "validation.quick", "two runs with the name 1_A"),
+        ({"seed": [{"name": "a", "changes": {"spacing": 1}}]}, "validation.seed.0.changes", "spacing does not begin"),
+        ({"fine": [{"name": "a", "changes": {"validation.quick": []}}]}, "validation.fine.0.changes", "does not begin"),
+        ({"fine": [{"name": "a", "changes": {"phases..x": 1}}]}, "validation.fine.0.changes", "dotted paths"),
+        ({"quik": []}, "validation.quik", "did you mean quick"),
+        ({"figure": {"field": "colour"}}, "validation.figure.field", "phase, speed, pressure, vorticity"),
+        ({"figure": {"field": "phase", "times": [1, 0]}}, "validation.figure.times", "rising"),
+    ],
+)
+def test_bad_validation_sections(section, path, words):
+    problems = problems_of(small(validation=section))
+    assert words in str(problems[path])
+
+
+def test_entries_of_reference_and_gauges_can_be_taken_out(full: Case, folder: Path):
+    assert list(full.replace({"reference.decay": None}).reference) == ["pressure_jump", "profile", "l1", "l2"]
+    without = load_case(folder / "full.yaml", ["reference.pressure_jump=none", "gauges.jump=null"])
+    assert "jump" not in without.gauges and "pressure_jump" not in without.reference
+    with pytest.raises(CaseError, match="reference.decai.*no such entry.*did you mean decay"):
+        full.replace({"reference.decai": None})
+    with pytest.raises(CaseError, match="reference.decay.gauge: energy -> is not one of the gauges"):
+        full.replace({"gauges.energy": None})
 
 
 def test_problems_have_line_and_column(folder: Path):

@@ -368,10 +368,98 @@ def test_plot_passes_its_options_on(command, monkeypatch):
     assert calls == [((Path("runs/x"),), {"field": "speed", "times": [0.0, 1.5], "output": Path("a.png")})]
 
 
+@pytest.fixture
+def plotted(monkeypatch):
+    """Keywords of the calls that draw or film a run, with the name of the function."""
+    import warpsph.movie
+    import warpsph.plot
+
+    calls = []
+    monkeypatch.setattr(
+        warpsph.plot, "plot_run", lambda *args, **keywords: calls.append(("plot", args, keywords)) or [Path("a.png")]
+    )
+
+    def make_movie(*args, progress, **keywords):
+        progress(1, 2)
+        progress(2, 2)
+        calls.append(("movie", args, keywords))
+        return Path("a.gif")
+
+    monkeypatch.setattr(warpsph.movie, "make_movie", make_movie)
+    return calls
+
+
+@pytest.mark.parametrize(
+    ("text", "times"),
+    [
+        ("1", [1.0]),
+        ("0,1.5", [0.0, 1.5]),
+        ("0.5:2", slice(0.5, 2.0)),
+        (":2", slice(None, 2.0)),
+        ("1e-3:", slice(0.001, None)),
+        (":", slice(None, None)),
+    ],
+)
+def test_plot_takes_times_or_a_range_of_them(command, plotted, text, times):
+    assert command("plot", "runs/x", "--times", text)[0] == 0
+    assert command("plot", "runs/x", "--times", text, "--movie", "a.gif")[0] == 0
+    assert [keywords["times"] for _, _, keywords in plotted] == [times, times]
+
+
+def test_plot_makes_a_movie_and_shows_how_far_it_is(command, plotted):
+    code, out, err = command("plot", "runs/x", "--movie", "new/a.gif", "--fps", 25, "--field", "phase")
+    assert (code, out) == (0, "a.gif\n")
+    assert "frame 2 of 2" in err and "frame 1" not in err  # less than 5 s after the start
+    expected = {"field": "phase", "times": None, "fps": 25.0}
+    assert plotted == [("movie", (Path("runs/x"), Path("new/a.gif")), expected)]
+    command("plot", "runs/x", "--movie", "a.gif")
+    assert "fps" not in plotted[1][2]
+
+
+def test_movie_progress_on_a_terminal_draws_a_bar(monkeypatch, capsys):
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True, raising=False)
+    monkeypatch.setenv("TERM", "xterm")
+    with cli._frame_progress() as show_progress:
+        show_progress(30, 70)
+    out, err = capsys.readouterr()
+    assert "30/70" in err and not out
+
+
+def test_plot_draws_segments_over_pictures_and_movies(command, plotted):
+    Path("a.csv").write_text("x1,y1,x2,y2\n1,2,3,4\n")
+    options = ("--over", "a.csv", "--over-scale", 2, "--over-offset", "0.5,-1", "--over-mirror", -1)
+    assert command("plot", "runs/x", *options)[0] == 0
+    assert command("plot", "runs/x", "--over", "a.csv", "--movie", "a.gif")[0] == 0
+    moved = [[[2.5, 3.0], [6.5, 7.0]], [[-4.5, 3.0], [-8.5, 7.0]]]
+    assert plotted[0][2]["over"].tolist() == moved
+    assert plotted[1][2]["over"].tolist() == [[[1.0, 2.0], [3.0, 4.0]]]
+
+
+@pytest.mark.parametrize(
+    ("options", "expected"),
+    [
+        (("--over-scale", 2, "--over-offset", "1,1"), ["--over-scale: 2.0 -> ", "--over-offset: 1,1 -> ", "add --over"]),
+        (("--over-mirror", 0), ["--over-mirror: 0.0 -> there is nothing to draw over; add --over FILE.csv"]),
+        (("--fps", 10), ["--fps: 10.0 -> a picture has no frames; add --movie FILE.gif"]),
+        (("--movie", "a.gif", "--output", "a.png"), ["--output: a.png -> ", "leave --output or --movie out"]),
+        (("--over", "none.csv"), ["over: none.csv -> cannot be read"]),
+        (("--times", "now"), ["--times"]),
+        (("--times", "0:now"), ["--times"]),
+        (("--times", "0,1:2"), ["--times", "e.g. 0:1"]),
+        (("--times", "0:1:2"), ["--times"]),
+        (("--times", "nan"), ["--times"]),
+        (("--over", "a.csv", "--over-offset", "right"), ["--over-offset"]),
+    ],
+)
+def test_plot_refuses_options_that_make_no_sense(command, plotted, options, expected):
+    code, _, err = command("plot", "runs/x", *options)
+    assert code == 2 and not plotted and "Traceback" not in err
+    assert all(part in err for part in expected)
+
+
 def test_plot_refuses_what_is_not_there(command):
     assert command("plot", "nowhere")[0] == 2
-    code, _, err = command("plot", "nowhere", "--times", "now")
-    assert code == 2 and "--times" in err
+    assert command("plot", "nowhere", "--movie", "a.gif")[0] == 2
 
 
 def test_info_names_versions_devices_and_the_kernel_cache(command):

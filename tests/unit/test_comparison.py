@@ -154,6 +154,72 @@ def test_nan_does_not_pass(run):
     assert "not a finite number" in result["note"]
 
 
+def test_the_value_farthest_from_the_reference(run):
+    entry = {"gauge": "energy", "column": "kinetic", "reduce": "farthest", "window": [0.1, 0.9]}  # 0.2 to 1.8
+    assert one(make_case({"a": {**entry, "value": 1.1}}), run)["value"] == pytest.approx(0.2)
+    assert one(make_case({"a": {**entry, "value": 0.9}}), run)["value"] == pytest.approx(1.8)
+    assert one(make_case({"a": {**entry, "value": 0, "column": "-kinetic"}}), run)["error"] == pytest.approx(-1.8)
+
+
+def test_the_largest_change_since_the_start(run):
+    entry = {"gauge": "energy", "column": "2 - kinetic", "reduce": "change", "value": 0, "allowed": 0.9}  # 2 to 0
+    result = one(make_case({"a": entry}), run)
+    assert (result["value"], result["unit"], result["passed"]) == (pytest.approx(-1.0), "1", False)
+    assert result["note"].startswith("absolute")
+    late = one(make_case({"a": {**entry, "window": [0.5, 0.8]}}), run)
+    assert late["value"] == pytest.approx(0.4 / 1.0 - 1)
+    assert "begins with 0" in one(make_case({"a": {**entry, "column": "kinetic"}}), run)["note"]
+
+
+@pytest.mark.parametrize(
+    ("reduce", "formula", "value", "unit"),
+    [
+        ("trough", lambda u: 0.3 + 2 * u**2 * (1 + 0.4 * u), 0.3, "J/m"),
+        ("trough_time", lambda u: 0.3 + 2 * u**2 * (1 + 0.4 * u), 0.52, "s"),
+        ("peak", lambda u: 0.3 - 2 * u**2 * (1 + 0.4 * u), 0.3, "J/m"),
+        ("peak_time", lambda u: 0.3 - 2 * u**2 * (1 + 0.4 * u), 0.52, "s"),
+        ("peak", lambda u: 0.3 + u, 0.68, "J/m"),  # no turn in the window: its better end
+        ("trough_time", lambda u: 0.3 + u, 0.1, "s"),
+    ],
+)  # fmt: skip
+def test_extremes_lie_between_the_rows(run, reduce, formula, value, unit):
+    times = [k / 20 for k in range(21)]
+    write_gauge(run, "energy", "time [s],kinetic [J/m]\n" + "".join(f"{t},{formula(t - 0.52)}\n" for t in times))
+    entry = {"gauge": "energy", "column": "kinetic", "reduce": reduce, "window": [0.1, 0.9], "value": 1.0}
+    result = one(make_case({"a": entry}), run)
+    assert result["value"] == pytest.approx(value, rel=1e-6)
+    assert result["unit"] == unit
+    assert ("there" in result["note"]) is reduce.endswith("time")
+
+
+def test_extremes_are_not_taken_from_the_noise(run):
+    noise = np.random.default_rng(0).normal(size=201) * 0.01
+    rows = [(k / 200, 1 - (k / 200 - 0.5) ** 2 + noise[k]) for k in range(201)]
+    write_gauge(run, "energy", "time [s],kinetic [J/m]\n" + "".join(f"{t},{v}\n" for t, v in rows))
+    entry = {"gauge": "energy", "column": "kinetic", "value": 1.0}
+    assert one(make_case({"a": {**entry, "reduce": "max"}}), run)["error"] > 0.01
+    assert abs(one(make_case({"a": {**entry, "reduce": "peak"}}), run)["error"]) < 0.003
+    few = make_case({"a": {**entry, "reduce": "peak", "window": [0.5, 0.52]}})
+    assert "eight rows" in one(few, run)["note"]
+
+
+def test_slope_of_a_part_of_the_last_profile(run):
+    """u = t (y + 1), over the distance s = y + 1 from the start: the slope is t."""
+    entry = {"gauge": "profile", "column": "velocity_x", "reduce": "slope", "between": [0.4, 1.6], "value": 2.0}
+    result = one(make_case({"shear": entry}), run)
+    assert result["value"] == pytest.approx(1.0)
+    assert result["error"] == pytest.approx(-0.5)
+    assert (result["unit"], result["note"]) == ("m/s/m", "at t = 1 s")
+    assert one(make_case({"shear": {**entry, "window": [0, 0.6]}}), run, end_time=1.0)["value"] == pytest.approx(0.5)
+    rows = "time [s],x [m],y [m],velocity_x [m/s]\n" + "".join(f"1,0,{y},{y * abs(y)}\n" for y in (-1, -0.5, 0, 0.5, 1))
+    write_gauge(run, "profile", rows)
+    half = {**entry, "value": 1.0}
+    # of a parabola the slope in the middle of the part: 2 s at s = 0.5 on either side
+    assert one(make_case({"shear": {**half, "between": [1.0, 2.0]}}), run)["value"] == pytest.approx(1.0)
+    assert one(make_case({"shear": {**half, "between": [0.0, 0.5]}}), run)["value"] == pytest.approx(1.5)
+    assert "no two points" in one(make_case({"shear": {**half, "between": [0.6, 0.9]}}), run)["note"]
+
+
 # -- curves over time --------------------------------------------------------------------------------------
 
 
@@ -179,6 +245,8 @@ LINE = "0,0.2,\n250,0.45,\n500,0.7,\n"
         ("final", "peak", 0.4 / 1.4),
         ("final", "initial", 1.0),
         ("final", "pointwise", 0.4 / 1.4),
+        ("max", "absolute", 0.4),
+        ("rms", "absolute", 0.4),
     ],
 )
 def test_curve_norms(run, norm, relative_to, error):
@@ -189,6 +257,24 @@ def test_curve_norms(run, norm, relative_to, error):
     assert result["unit"] == "J/m"
     if norm == "final":
         assert (result["value"], result["reference"]) == (pytest.approx(1.0), pytest.approx(1.4))
+
+
+def test_curve_in_a_window(run):
+    """Off by 0.4 at all times: 0.4 of 0.4 + 2 t is the largest share where t is smallest."""
+    entry = {"relative_to": "pointwise", "window": [0.2, 0.4]}
+    result = one(curve_case(run, LINE, **entry), run)
+    assert result["error"] == pytest.approx(0.4 / 0.8)
+    assert result["note"] == "compared over 0.2 to 0.4 s, largest at 0.2 s"
+    short = one(curve_case(run, LINE, **entry), run, end_time=0.3)
+    assert short["error"] is None
+    assert short["note"] == "not reached: needs t = 0.4 s, the run ended at 0.3 s"
+
+
+def test_an_absolute_error_is_told_in_its_unit(run):
+    case = curve_case(run, LINE, relative_to="absolute", allowed=0.3)
+    assert one(case, run)["note"].startswith("absolute error; compared over 0 to 0.5 s")
+    (line,) = format_comparison(compare(case, run))
+    assert "error 0.4 J/m (allowed 0.3 J/m, EXCEEDED)" in line
 
 
 def test_curve_names_the_worst_place(run):
@@ -246,6 +332,7 @@ def test_profiles_at_two_times(run):
         ({"norm": "final"}, math.sqrt(np.mean((differences / 2) ** 2))),
         ({"relative_to": "pointwise"}, 0.1 / 1.1),
         ({"relative_to": "initial"}, 0.1 / 1.0),
+        ({"relative_to": "absolute"}, 0.1),
     ]
     for changes, error in cases:
         assert one(profile_case(run, PROFILES, columns, **changes), run)["error"] == pytest.approx(error)
@@ -389,6 +476,55 @@ def test_particle_norm_of_equal_fields_is_zero():
     values = np.random.default_rng(1).normal(size=(9, 2))
     for norm in ("l1", "l2", "max"):
         assert particle_norm(values, values, norm)[0] == 0.0
+
+
+# -- an interface ------------------------------------------------------------------------------------------
+
+
+def interface_case(folder, **changes):
+    """Gas inside of the diamond |x| + |y| < 1 of the file, whose unit is 2 m and of which the right half is stored."""
+    (folder / "line.csv").write_text("x1,y1,x2,y2\n0,0.5,0.5,0\n0.5,0,0,-0.5\n")
+    line = {"file": "line.csv", "time": 0.5, "scale": 2.0, "mirror": 0.0, **changes.pop("line", {})}
+    return make_case({"shape": {"phase": "gas", "interface": line, **changes}}, folder)
+
+
+def test_area_on_the_wrong_side_of_an_interface(tmp_path):
+    particles = make_particles()  # at (0.1, 0.2), (0.3, -0.4) inside; (-0.5, 0.6), (0.7, 0.8) outside, twice as large
+    particles.phase[:4] = [0, 1, 1, 0]
+    result = one(interface_case(tmp_path, allowed=0.5), snapshot=particles)
+    assert (result["value"], result["reference"], result["unit"]) == (3.0, 5.0, "m^2")
+    assert result["error"] == pytest.approx(3 / 5)
+    assert result["passed"] is False
+    assert result["note"] == "of the area of all fluid at t = 0.5 s; 33 % of it where gas should be"
+    against_gas = one(interface_case(tmp_path, relative_to="phase"), snapshot=particles)
+    assert against_gas["reference"] == 2.0
+    assert against_gas["error"] == pytest.approx(1.5)
+    right = make_particles()
+    right.phase[:4] = [0, 0, 1, 1]
+    assert one(interface_case(tmp_path), snapshot=right)["error"] == 0.0
+    # moved to the right, the diamond holds the last particle too
+    right.phase[3] = 0
+    moved = interface_case(tmp_path, line={"offset": [0.8, 0.0], "mirror": 0.8})
+    assert one(moved, snapshot=right)["value"] == 0.0
+
+
+def test_an_interface_needs_the_particles_of_its_time(tmp_path):
+    case = interface_case(tmp_path)
+    with RunFolder(tmp_path / "run") as folder:
+        for time in (0.25, 0.5, 0.75):
+            particles = make_particles(time)
+            particles.phase[:4] = [0, 0, 1, 0] if time == 0.5 else [1, 1, 1, 1]
+            folder.write_particles(particles)
+    volume = 1e-3  # of the last particle, from its mass and density
+    assert one(case, folder.path)["value"] == pytest.approx(volume)
+    assert one(case, frames=folder.path, snapshot=make_particles(0.75))["value"] == pytest.approx(volume)
+    late = interface_case(tmp_path, line={"time": 2.0})
+    assert one(late, folder.path)["note"] == "not reached: needs t = 2 s, the run ended at 0.75 s"
+    between = interface_case(tmp_path, line={"time": 0.4})
+    assert one(between, folder.path)["note"] == "there is no particle file of t = 0.4 s"
+    assert one(case, snapshot=make_particles(0.4))["note"] == "there is no particle file of t = 0.5 s"
+    (tmp_path / "line.csv").write_text("a,b\n1,2\n")
+    assert "line.csv" in one(case, folder.path)["note"]
 
 
 # -- from memory, and as text ------------------------------------------------------------------------------

@@ -9,7 +9,7 @@ import pytest
 
 from warpsph.case import Case
 from warpsph.errors import CaseError, OutputError, WarpsphError
-from warpsph.gauges import GaugeSet, PhaseEos, outline, parse_heading, read_gauge, wall_bodies
+from warpsph.gauges import GaugeSet, PhaseEos, isolated, outline, parse_heading, read_gauge, wall_bodies
 from warpsph.snapshot import FLUID, WALL, Snapshot
 
 
@@ -323,6 +323,104 @@ def test_outline_does_not_see_a_stray_particle():
 @pytest.mark.parametrize("count", [0, 1, 5, 15])
 def test_outline_of_too_few_particles_is_nan(count):
     assert math.isnan(outline(np.random.default_rng(1).uniform(size=(count, 2)), 0.1).circularity)
+
+
+# -- contour, velocities, strays -----------------------------------------------------------------------------
+
+
+CONTOUR = {"surface": {"type": "contour", "interval": 0.1, "mirror": "x"}}
+
+
+def in_a_box(spacing, inside, extent=1.0, walls=5):
+    """Snapshot of a closed box, wall particles included, with phase 0 where `inside` says so and 1 elsewhere."""
+    every = lattice(spacing, extent + walls * spacing)
+    fluid = (np.abs(every) < extent).all(axis=1)
+    phase = np.where(fluid, np.where(inside(*every.T), 0, 1), -1).astype(np.int32)
+    return make_snapshot(every, spacing=spacing, phase=phase, kind=np.where(fluid, FLUID, WALL).astype(np.uint8))
+
+
+def test_contour_of_a_disc_off_the_axis():
+    spacing = 0.02
+    row = measure(make_case(CONTOUR), in_a_box(spacing, lambda x, y: np.hypot(x - 0.02, y) < 0.5))
+    assert row["perimeter gas"] == pytest.approx(np.pi, rel=0.006)
+    assert row["perimeter liquid"] == pytest.approx(row["perimeter gas"])
+    assert 0.994 < row["circularity gas"] < 1.0
+    assert row["filling gas"] == pytest.approx(1.0, abs=1e-3)
+    ends = [row[f"{end}_{axis} gas"] for end in ("lowest", "highest") for axis in "xy"]
+    assert ends == pytest.approx([-0.48, -0.5, 0.52, 0.5], abs=0.2 * spacing)
+    assert row["highest_x liquid"] == 1.0
+    assert row["asymmetry gas"] == pytest.approx(4 * 0.02 / np.pi, rel=0.05)
+    assert "asymmetry gas" not in measure(
+        make_case({"surface": {"type": "contour", "interval": 0.1}}), in_a_box(0.1, lambda x, y: y < 0)
+    )
+
+
+def test_filling_is_room_over_density():
+    """Twice the density says half the room; the places of the particles do not know."""
+    particles = in_a_box(0.04, lambda x, y: np.hypot(x, y) < 0.5)
+    before = measure(make_case(CONTOUR), particles)
+    particles.volume[particles.phase == 0] *= 0.98
+    after = measure(make_case(CONTOUR), particles)
+    assert after["filling gas"] == pytest.approx(before["filling gas"] / 0.98, rel=2e-3)
+
+
+def test_contour_of_a_broken_state_or_a_missing_phase_is_nan():
+    particles = in_a_box(0.1, lambda x, y: x > 9)
+    row = measure(make_case(CONTOUR), particles)
+    assert all(math.isnan(row[name]) for name in row if name.endswith("gas"))
+    assert row["filling liquid"] == pytest.approx(1.0)
+    particles.position[3, 0] = math.nan
+    assert all(math.isnan(value) for name, value in measure(make_case(CONTOUR), particles).items() if name != "time")
+
+
+def test_velocity_of_a_phase_is_weighted_with_the_volume():
+    particles = make_snapshot(
+        [[0, 0], [1, 0], [2, 0], [3, 0]],
+        velocity=np.array([[0.0, 3.0], [4.0, -3.0], [0.0, 7.0], [90.0, 0.0]]),
+        volume=np.array([1.0, 3.0, 1.0, 1.0]),
+        phase=np.array([0, 0, 1, -1], np.int32),
+    )
+    row = measure(make_case({"rise": {"type": "phase_velocity", "interval": 0.1}}), particles)
+    assert row["velocity_x gas"] == pytest.approx(3.0)
+    assert row["velocity_y gas"] == pytest.approx(-1.5)
+    assert row["max_speed gas"] == pytest.approx(5.0)
+    assert (row["velocity_y liquid"], row["max_speed liquid"]) == (7.0, 7.0)
+    empty = measure(make_case({"rise": {"type": "phase_velocity", "interval": 0.1}}), particles.select([2]))
+    assert math.isnan(empty["velocity_x gas"]) and math.isnan(empty["max_speed gas"])
+
+
+def test_strays_have_fewer_than_three_of_their_own_near():
+    case = make_case({"strays": {"type": "strays", "interval": 0.1}})
+    particles = in_a_box(0.1, lambda x, y: (np.hypot(x - 0.05, y - 0.05) < 0.01) | (np.hypot(x + 0.5, y + 0.5) < 0.1))
+    # one alone; four in a square keep company
+    assert (particles.phase == 0).sum() == 5
+    assert measure(case, particles) == {"time": 0.0, "gas": 1.0, "liquid": 0.0}
+    # a corner of a lattice has five within two spacings; walls and the other phase are no company
+    assert measure(case, make_snapshot(lattice(0.1), spacing=0.1))["gas"] == 0.0
+    particles.phase[particles.phase == 1] = -1
+    assert measure(case, particles)["gas"] == 1.0
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+@pytest.mark.parametrize("periodic", [False, True])
+@pytest.mark.parametrize("count", [9, 150])
+def test_isolated_agrees_with_all_pairs(dimension, periodic, count):
+    rng = np.random.default_rng(4)
+    lower, upper = np.full(dimension, -1.0), np.full(dimension, 1.0)
+    position = rng.uniform(-1, 1, (count, dimension))
+    if not periodic:
+        position[:7] *= 1.6  # some have left the domain
+    offset = position[:, None] - position
+    if periodic:
+        offset -= 2 * np.round(offset / 2)
+    distance = np.sqrt((offset**2).sum(axis=2))
+    for radius in (0.05, 0.17, 0.4, 0.9, 1.9):
+        if periodic and radius > 1:
+            continue
+        company = np.count_nonzero(distance <= radius, axis=1) - 1
+        found = isolated(position, radius, 3, lower, upper, [periodic] * dimension)
+        assert found.tolist() == (company < 3).tolist()
+    assert isolated(position[:0], 0.1, 3, lower, upper, [periodic] * dimension).shape == (0,)
 
 
 # -- what the device measures ------------------------------------------------------------------------------

@@ -108,7 +108,7 @@ def test_no_heavy_import_at_module_level(path):
     assert not {name for name in imports(path, module_level_only=True) if name.split(".")[0] in HEAVY}
 
 
-@pytest.mark.parametrize("name", ["output", "gauges", "checkpoint", "comparison", "snapshot", "plot"])
+@pytest.mark.parametrize("name", ["output", "gauges", "checkpoint", "comparison", "snapshot", "plot", "movie", "figures"])
 def test_output_knows_no_scheme_and_no_kernel(name):
     found = imports(ROOT / "warpsph" / f"{name}.py")
     assert not {
@@ -118,7 +118,7 @@ def test_output_knows_no_scheme_and_no_kernel(name):
 
 @pytest.mark.parametrize(
     "name",
-    ["case", "case_file", "errors", "expressions", "geometry", "output", "gauges", "comparison", "plot"],
+    ["case", "case_file", "errors", "expressions", "geometry", "output", "gauges", "comparison", "plot", "movie", "figures"],
 )
 def test_input_and_output_need_no_warp(name):
     """Loading, checking and plotting work, and are tested, without starting Warp."""

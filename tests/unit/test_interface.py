@@ -117,7 +117,7 @@ def test_curvature_in_a_narrow_band(device):
     ring = np.abs(r - 20) < 1.2
     bench.put("normal", np.where(inside, -1.0, 1.0)[:, None] * x / r[:, None])
     bench.put("interface_weight", ring.astype(float))
-    bench.run(*(stage for stage in riemann.before_momentum(bench.spec) if "curvature" in stage.name))
+    bench.run(*(stage for stage in riemann.tension(bench.spec) if "curvature" in stage.name))
     outward = np.where(inside, 1, -1) * bench.get("curvature")
     np.testing.assert_allclose(outward[ring], 1 / r[ring], rtol=0.08)
     assert (outward[~ring] == 0).all()

@@ -217,3 +217,91 @@ def test_no_such_run(tmp_path):
         plot.plot_run(tmp_path / "nothing")
     with pytest.raises(CaseError, match="no particle files"):
         plot.plot_run(tmp_path)
+
+
+def test_a_slice_of_times_takes_every_frame_within(tmp_path, drawn):
+    run = make_run(tmp_path / "run", times=[0.0, 0.1, 0.2, 0.3])
+    plot.plot_run(run, times=slice(0.1, 0.3))
+    plot.plot_run(run, times=slice(None, 0.15))
+    assert [axes.get_title() for axes in panels(drawn[0])] == ["t = 0.1 s", "t = 0.2 s", "t = 0.3 s"]
+    assert [axes.get_title() for axes in panels(drawn[2])] == ["t = 0 s", "t = 0.1 s"]
+    with pytest.raises(CaseError, match="times: 0.4: -> no frame .* frames from 0 to 0.3 s"):
+        plot.plot_run(run, times=slice(0.4, None))
+
+
+# ---- reference interfaces over the particles ---------------------------------------------------------------
+
+
+def table(path, text):
+    path.write_text(text)
+    return path
+
+
+@pytest.mark.parametrize(
+    "heading",
+    ["x1,y1,x2,y2", "x1_over_R,y1_over_R,x2_over_R,y2_over_R (right half; segments)", "x1 [m], y1 [m],x2 [m],y2 [m],part"],
+)
+def test_segments_are_read_scaled_moved_and_mirrored(tmp_path, heading):
+    path = table(tmp_path / "a.csv", f"# computed\n{heading}\n1,2,3,4,left\n\n0,0,0.5,-1\n")
+    found = plot.read_segments(path)
+    np.testing.assert_array_equal(found, [[[1, 2], [3, 4]], [[0, 0], [0.5, -1]]])
+    found = plot.read_segments(path, scale=2.0, offset=(10.0, 0.5))
+    np.testing.assert_array_equal(found, [[[12, 4.5], [16, 8.5]], [[10, 0.5], [11, -1.5]]])
+    both = plot.read_segments(path, scale=2.0, offset=(10.0, 0.5), mirror=11.0)
+    np.testing.assert_array_equal(both[:2], found)
+    np.testing.assert_array_equal(both[2:], [[[10, 4.5], [6, 8.5]], [[12, 0.5], [11, -1.5]]])
+
+
+@pytest.mark.parametrize(
+    ("text", "keywords", "expected"),
+    [
+        (None, {}, r"over: .* -> cannot be read: .*; name a CSV file whose first columns are x1, y1, x2, y2"),
+        ("", {}, "over: .* -> holds no segments"),
+        ("x1,y1,x2,y2\n", {}, "over: .* -> holds no segments"),
+        ("x,y\n1,2\n", {}, "over: .* -> its first columns are x, y; name a CSV file"),
+        ("x1,x2,y1,y2\n1,2,3,4\n", {}, "its first columns are x1, x2, y1, y2"),
+        ("x1,y1,x2\n1,2,3\n", {}, "its first columns are x1, y1, x2;"),
+        ("x10,y1,x2,y2\n1,2,3,4\n", {}, "its first columns are x10"),
+        ("x1,y1,x2,y2\n1,2,3,4\n1,2,3\n", {}, "line 3 does not begin with four numbers; correct"),
+        ("x1,y1,x2,y2\n1,2,3,four\n", {}, "line 2 does not begin with four numbers"),
+        ("x1,y1,x2,y2\n1,2,nan,4\n", {}, "line 2 does not begin with four numbers"),
+        (b"x1,y1,x2,y2\n\xff\xfe1,2,3,4\n", {}, "is no CSV file"),
+        ("x1,y1,x2,y2\n1,2,3,4\n", {"scale": 0.0}, "over_scale: 0.0 -> needs a number other than 0"),
+        ("x1,y1,x2,y2\n1,2,3,4\n", {"scale": float("inf")}, "over_scale: .* -> needs finite numbers"),
+        ("x1,y1,x2,y2\n1,2,3,4\n", {"offset": (1.0,)}, "over_offset: .* -> needs two numbers; write e.g. 0.5,0"),
+        ("x1,y1,x2,y2\n1,2,3,4\n", {"mirror": float("nan")}, "over_mirror: .* -> needs finite numbers"),
+        ("x,y\n", {"mirror": float("nan"), "scale": 0.0}, "(?s)over_mirror: .*over_scale: .*over: "),
+    ],
+)
+def test_what_is_no_table_of_segments_is_told(tmp_path, text, keywords, expected):
+    path = tmp_path / "a.csv"
+    if text is not None:
+        path.write_bytes(text if isinstance(text, bytes) else text.encode())
+    with pytest.raises(CaseError, match=expected):
+        plot.read_segments(path, **keywords)
+
+
+def test_segments_are_drawn_apart_on_top_of_every_panel(tmp_path, drawn):
+    segments = np.array([[[0.2, 0.3], [0.4, 0.5]], [[7.0, 7.0], [8.0, 8.0]]])
+    run = make_run(tmp_path / "run", times=[0.0, 1.0])
+    plot.plot_run(run, field="phase")
+    plot.plot_run(run, field="phase", over=segments)
+    without, with_segments = panels(drawn[0]), panels(drawn[2])
+    assert len(with_segments) == 2
+    for plain, panel in zip(without, with_segments, strict=True):
+        (line,) = panel.lines
+        np.testing.assert_array_equal(
+            line.get_xydata(), [[0.2, 0.3], [0.4, 0.5], [np.nan] * 2, [7, 7], [8, 8], [np.nan] * 2]
+        )
+        assert line.get_zorder() > max(collection.get_zorder() for collection in discs(panel))
+        assert panel.get_xlim() == plain.get_xlim() and panel.get_ylim() == plain.get_ylim()
+        assert not plain.lines
+
+
+def test_segments_can_be_drawn_on_any_axes():
+    from matplotlib.figure import Figure
+
+    panel = Figure().subplots()
+    line = plot.draw_segments(panel, np.array([[[0.0, 0.0], [5.0, 5.0]]]), colour="red")
+    assert line in panel.lines and line.get_color() == "red"
+    assert panel.get_xlim() == panel.get_ylim() == (0, 1)  # limits are not the segments' business

@@ -63,7 +63,7 @@ def assert_same_arrays(a, b) -> None:
     # of clock and counters, what does not tell how the run was cut into portions
     numbers = [index for index in range(ck.CLOCK_SIZE) if index != ck.TARGET]
     np.testing.assert_array_equal(a["clock"][numbers], b["clock"][numbers])
-    for counter in (ck.STEPS, ck.REBUILDS, ck.SINCE_CONSTRAINT, ck.BAND_COUNT):
+    for counter in (ck.STEPS, ck.REBUILDS, ck.STEPS_SINCE_RARE, ck.BAND_COUNT):
         assert a["counters"][counter] == b["counters"][counter], counter
 
 

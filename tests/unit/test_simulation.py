@@ -209,3 +209,37 @@ def test_normals_follow_their_particles():
     np.testing.assert_array_equal(after.curvature, before.curvature)
     np.testing.assert_allclose(after.velocity, before.velocity, rtol=1e-12)
     assert run.model.interface_length() == pytest.approx(length, rel=1e-6)
+
+
+def test_shapes_are_measured_and_compared_in_the_middle_of_a_run(tmp_path):
+    """A square of liquid, and the box from x = 0.25 to 0.75 and y = 0.25 to 0.67 as the reference at half time."""
+    (tmp_path / "box.csv").write_text(
+        "x1,y1,x2,y2\n0.25,0.25,0.75,0.25\n0.75,0.25,0.75,0.67\n0.75,0.67,0.25,0.67\n0.25,0.67,0.25,0.25\n"
+    )
+    line = {"file": str(tmp_path / "box.csv"), "time": 0.01}
+    case = case_of(FULL).replace(
+        {
+            "end_time": 0.02,
+            "output.particles": {"interval": 0.01, "fields": ["phase", "volume"]},
+            "gauges": {
+                "surface": {"type": "contour", "interval": 0.01, "mirror": "x"},
+                "rise": {"type": "phase_velocity", "interval": 0.01},
+                "strays": {"type": "strays", "interval": 0.01},
+            },
+            "reference": {"shape": {"phase": "liquid", "interface": line, "relative_to": "phase", "allowed": 0.1}},
+        }
+    )
+    run = Simulation(case, output=tmp_path / "run", threads=1).run()
+    found = run.summary["errors"]["shape"]
+    # one row of eight stands above the box, which holds 8 x 7 particles
+    assert found["error"] == pytest.approx(8 / 56, rel=0.05)
+    assert found["passed"] is False
+    assert found["note"] == "of the area of liquid at t = 0.01 s; 0 % of it where liquid should be"
+    surface = run.gauge("surface")
+    assert surface["perimeter liquid"][0] == pytest.approx(1.8, abs=0.1)  # 2 with its corners
+    assert surface["lowest_x liquid"][-1] == pytest.approx(0.25, abs=0.02)
+    assert surface["asymmetry liquid"].max() < 0.01
+    assert run.gauge("strays")["liquid"].max() == 0
+    assert run.gauge("rise")["velocity_y liquid"][-1] < 0
+    alone = Simulation(case, threads=1).run().summary["errors"]["shape"]
+    assert (alone["error"], alone["note"]) == (None, "there is no particle file of t = 0.01 s")

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from tests.helpers import Bench, Fluid, Setup, full, lattice
+from warpsph.kernels.pair import NEAR
 from warpsph.kernels.smoothing import KERNELS
 from warpsph.kernels.spec import Spec
 from warpsph.schemes import riemann
@@ -86,6 +87,13 @@ def bulk(bench, x):
     return ((x > 0.5 * bench.support) & (x < bench.upper - 0.5 * bench.support)).all(axis=1)
 
 
+def constant_states(bench):
+    """Give the pairs between two phases the states of the particles themselves, at an interface across x."""
+    if not bench.spec.paper_star:
+        bench.put("velocity_gradient", 0.0)
+        bench.put("facing", np.where(bench.get("phase")[:, None] == 0, 1.0, -1.0) * [1.0, 0.0])
+
+
 def kernel_sum(bench, x):
     """Return sum_j V_j grad_i W_ij of all particles, from all pairs (open domain)."""
     d = x[:, None] - x[None]
@@ -122,6 +130,7 @@ def test_pressure_work_becomes_compression(form, device):
     """sum m v.a + sum V p (drho/dt)/rho = 0 without dissipation, also at 1000:1 (methods A2, T6)."""
     fluids = tuple(dataclasses.replace(fluid, viscosity=0.0) for fluid in LIGHT_AND_HEAVY)
     bench, _ = scene(FORMS[form], device=device, fluids=fluids, dissipation=0.0)
+    constant_states(bench)
     power = mass(bench) * (bench.get("velocity") * bench.acceleration()).sum(axis=1)
     state = bench.get("state")
     compression = state[:, 0] * state[:, 1] * bench.density_rate()
@@ -184,6 +193,7 @@ def test_two_equal_phases_are_one(spec, device):
     two, _ = scene(spec, device=device, fluids=(fluid, fluid))
     one, _ = scene(spec, device=device, fluids=(fluid, fluid), phase=0)
     assert (two.get("flags") != one.get("flags")).any()
+    constant_states(two)
     for values, expected in (
         (two.acceleration(), one.acceleration()),
         (two.density_rate(), one.density_rate()),
@@ -431,7 +441,7 @@ def test_shift_needs_a_velocity_gradient(spec, device):
 
 @pytest.mark.parametrize("spec", [MINUS_RADIAL, MINUS_MORRIS])
 def test_shift_evens_out(spec, device):
-    """Towards the emptier side, within its cap, and the cloud is more even after it."""
+    """Towards the emptier side away from interfaces, within its cap, and the cloud is more even after it."""
     fluids = (Fluid(density=4.0, viscosity=0.3),) * 2
     bench, x = scene(spec, device=device, pressure=0.0, fluids=fluids, volume=SPACING**2, shifting=0.5, shift_cap=0.05)
     bench.put("velocity", x @ np.array([[0.0, 3.0], [0.0, 0.0]]))
@@ -441,12 +451,35 @@ def test_shift_evens_out(spec, device):
     length = np.linalg.norm(shift, axis=1)
     assert length.max() <= 0.05 * bench.h * (1 + 1e-9)
     assert length.max() > 0.01 * bench.h
-    np.testing.assert_allclose(shift[:, 0] * before[:, 1], shift[:, 1] * before[:, 0], atol=1e-12)
-    assert ((shift * before).sum(axis=1) <= 0).all()
+    alone = (bench.get("flags")[: len(x)].astype(int) & NEAR) == 0 if spec.multiphase else np.full(len(x), True)
+    assert alone.mean() > 0.4 and alone.all() != spec.multiphase
+    np.testing.assert_allclose((shift[:, 0] * before[:, 1])[alone], (shift[:, 1] * before[:, 0])[alone], atol=1e-12)
+    assert ((shift * before).sum(axis=1) <= 0)[alone].all()
     inside = (np.abs(x - 0.7) < 0.7 - bench.support).all(axis=1)
     after = kernel_sum(bench, x + shift * inside[:, None])
     norms = [np.linalg.norm(values[inside], axis=1) for values in (before, after)]
     assert np.sqrt((norms[1] ** 2).mean()) < 0.97 * np.sqrt((norms[0] ** 2).mean())
+
+
+def test_shift_holds_phases_apart(device):
+    """On an even lattice only particles that see another phase are shifted: straight away from it, both sides alike."""
+    x = lattice((14, 14), SPACING, centre=False)
+    phase = (x[:, 0] > 0.7).astype(int)
+    fluids = (Fluid(density=4.0), Fluid(density=4000.0))
+    options = dict(spacing=SPACING, fluids=fluids, velocity=x @ np.array([[0.0, 3.0], [0.0, 0.0]]), device=device)
+    bench = Bench(MINUS_RADIAL, x, phase=phase, **options)
+    bench.acceleration(dt=0.5)
+    shift = bench.get("shift")
+    middle = (np.abs(x - 0.7) < 0.4).all(axis=1)
+    near = np.abs(x[:, 0] - 0.7) < bench.support - 0.5 * SPACING - 1e-9
+    assert np.abs(shift[middle & ~near]).max() < 1e-14
+    away = np.where(phase == 0, -1.0, 1.0) * shift[:, 0]
+    assert away[middle & near].min() > 1e-8
+    assert np.abs(shift[middle, 1]).max() < 1e-14
+    np.testing.assert_allclose(shift[middle], -shift[::-1][middle[::-1]], atol=1e-14)
+    bench = Bench(MINUS_RADIAL, x, phase=0, **options)
+    bench.acceleration(dt=0.5)
+    assert np.abs(bench.get("shift")[middle]).max() < 1e-14
 
 
 def test_shift_grows_with_the_step(device):

@@ -6,10 +6,15 @@ pressure gradient, leapfrog with one continuity and one momentum sweep.
 
 from __future__ import annotations
 
+import dataclasses
+
 from warpsph.kernels.clock import make_advance
+from warpsph.kernels.contact import make_contact
 from warpsph.kernels.density import make_continuity, make_state
+from warpsph.kernels.drift import make_drift
 from warpsph.kernels.integrate import make_kick_drift
 from warpsph.kernels.interface import make_curvature, make_fraction, make_normal
+from warpsph.kernels.interface_flow import make_interface_flow
 from warpsph.kernels.load import make_load
 from warpsph.kernels.momentum import make_momentum
 from warpsph.kernels.spec import Spec
@@ -19,26 +24,42 @@ from warpsph.schemes.stage import Absent, Stage
 
 
 def step(spec: Spec) -> list[Stage]:
-    """Return the stages of one time step for a `Spec`, in order."""
+    """Return the stages of one time step for a `Spec`, in order; the rare ones follow each other."""
     stages = [
         Stage("kick_drift", make_kick_drift(spec), "fluid", "moves the particles"),
+        *sides(spec),
         Stage("continuity", make_continuity(spec), "fluid", "density and pressure from star velocities"),
+        *walls(spec),
     ]
+    # what changes at the pace of the flow, not of sound
+    stages += [dataclasses.replace(stage, rare=True) for stage in (*constraints(spec), *tension(spec))]
+    stages.append(Stage("momentum", make_momentum(spec), "fluid", "acceleration from star pressures"))
+    stages.append(advance(spec))
+    return stages
+
+
+def constraints(spec: Spec) -> list[Stage]:
+    """Return the stages that hold the volume of a closed domain and the momentum of a periodic one."""
+    stages = []
     if spec.volume_constraint:
         add, fold, close = make_volume(spec)
         stages.append(Stage("volume", add, "blocks", "closed domain with the corrected gradient: mean pressure"))
         stages.append(Stage("volume_fold", fold, "folds", "adds up the parts of the volume"))
         stages.append(Stage("volume_close", close, "one", "closes the volume sum"))
-    stages += before_momentum(spec)
-    stages.append(Stage("momentum", make_momentum(spec), "fluid", "acceleration from star pressures"))
-    stages.append(advance(spec))
+    if spec.momentum_constraint:
+        add, fold, close = make_drift(spec)
+        stages.append(Stage("drift", add, "blocks", "periodic box with the corrected gradient: total momentum"))
+        stages.append(Stage("drift_fold", fold, "folds", "adds up the parts of the momentum"))
+        stages.append(Stage("drift_close", close, "one", "velocity of the box that is to be taken out"))
     return stages
 
 
 def start(spec: Spec) -> list[Stage]:
     """Return the stages that complete a start: state from density, list (by the stepper), then the acceleration."""
     return [
-        *before_momentum(spec),
+        *sides(spec),
+        *walls(spec),
+        *tension(spec),
         Stage("momentum", make_momentum(spec), "fluid", "first acceleration"),
     ]
 
@@ -66,17 +87,31 @@ def wall_load(spec: Spec) -> Stage:
     return Stage("wall_load", make_load(spec), "wall", "wall-force gauge")
 
 
-def before_momentum(spec: Spec) -> list[Stage]:
-    """Return the stages that a momentum sweep needs at its positions: walls and interface geometry."""
-    stages = []
-    if spec.walls:
-        stages.append(Stage("wall_state", make_wall(spec), "wall", "pressure and mirrored velocity of the walls"))
-    if spec.tension != "none":
-        stages += [
-            Stage("own_fraction", make_fraction(spec), "band", "colour for the surface tension"),
-            Stage("colour_normal", make_normal(spec), "band", "interface normals"),
-            Stage("curvature", make_curvature(spec), "band", "interface curvature for the pressure jump"),
-        ]
+def sides(spec: Spec) -> list[Stage]:
+    """Return the stage that looks at the flow on each side of the interfaces; the printed form has none."""
+    if not spec.multiphase or spec.paper_star:
+        return []
+    return [Stage("interface_flow", make_interface_flow(spec), "fluid", "velocity on each side of the interfaces")]
+
+
+def walls(spec: Spec) -> list[Stage]:
+    """Return the stage that continues the flow into the walls."""
+    if not spec.walls:
+        return []
+    return [Stage("wall_state", make_wall(spec), "wall", "pressure and mirrored velocity of the walls")]
+
+
+def tension(spec: Spec) -> list[Stage]:
+    """Return the stages that find the curvature of the interfaces."""
+    if spec.tension == "none":
+        return []
+    stages = [
+        Stage("own_fraction", make_fraction(spec), "band", "colour for the surface tension"),
+        Stage("colour_normal", make_normal(spec), "band", "interface normals"),
+    ]
+    if spec.contact_angle:
+        stages.append(Stage("contact_normal", make_contact(spec), "band", "contact angle: normals next to walls"))
+    stages.append(Stage("curvature", make_curvature(spec), "band", "interface curvature for the pressure jump"))
     return stages
 
 
@@ -88,9 +123,11 @@ def absent(spec: Spec) -> list[Absent]:
     if spec.walls and not spec.wall_no_slip:
         rows.append(Absent("wall friction", "no viscosity, or all walls are free-slip"))
     if not spec.multiphase:
-        rows.append(Absent("interface pairs", "a single phase"))
+        rows.append(Absent("interface_flow, interface pairs", "a single phase"))
     if spec.tension == "none":
         rows.append(Absent("own_fraction, colour_normal, curvature", "no surface tension"))
+    if not spec.contact_angle:
+        rows.append(Absent("contact_normal", "no contact_angle in surface_tension: walls take no part in the interfaces"))
     if spec.viscosity == "none":
         rows.append(Absent("viscous term", "all viscosities are zero"))
     if not spec.gravity:
@@ -103,6 +140,8 @@ def absent(spec: Spec) -> list[Absent]:
         rows.append(Absent("gradient correction", "the conservative pressure gradient needs none"))
     if not spec.volume_constraint:
         rows.append(Absent("volume", "the pressure level is fixed by a free surface or by the conservative gradient"))
+    if not spec.momentum_constraint:
+        rows.append(Absent("drift", "walls, open sides, or a gradient that conserves momentum pair by pair"))
     if not spec.interface_force:
         rows.append(Absent("interface force", "numerics.interface_force is 0"))
     if not any(spec.periodic):

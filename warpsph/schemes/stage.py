@@ -18,12 +18,14 @@ class Stage:
         rows: what it runs over: fluid or wall particles, the interface band, blocks of particles, groups of
             blocks, or one thread.
         reason: why this scene needs it.
+        rare: runs only in steps in which the device's clock asks for it (`clock.RARE`), every few steps.
     """
 
     name: str
     kernel: Any
     rows: Rows
     reason: str
+    rare: bool = False
 
 
 @dataclasses.dataclass(frozen=True)
