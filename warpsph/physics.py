@@ -174,7 +174,7 @@ def derive(case: Case, geometry: Geometry, row_list: bool = True) -> Physics:
     h = ratio * case.spacing
     support = h * KERNELS[numerics.kernel].support
     scales, seen = flow_scales(case, geometry, tension, filled)
-    wanted, warnings = sound_speeds(case, scales, seen)
+    wanted, warnings = sound_speeds(case, scales, seen, filled)
     spec = Spec(
         dimension=case.dimension,
         precision=case.precision,
@@ -331,16 +331,16 @@ def flow_scales(
     return scales, seen
 
 
-def needed_sound_speeds(case: Case, scales: dict[str, float], seen: np.ndarray) -> list[float]:
+def needed_sound_speeds(case: Case, scales: dict[str, float], seen: np.ndarray, filled: bool) -> list[float]:
     """Return the least sound speed of each phase [m/s] (methods A1).
 
     c_k^2 >= max(U^2, p_k/rho_k, 0.01 p_max/rho_k, mu_k U/(rho_k L)) / 0.01, p_k the pressure that phase k sees; p_k / 4 for
-    a light phase whose volume is held by its start pressure or by a closed domain.
+    a light phase whose volume is held by its start pressure or by a closed domain that is full (`filled`).
     """
     velocity, length = scales["velocity"], scales["length"]
     largest = float(seen.max(initial=0.0))
     densest = max(case.phases[name].density for name in case.phase_names)
-    held = case.start.pressure is not None or not case.has_open_sides
+    held = filled or case.start.pressure is not None
     result = []
     for name, pressure in zip(case.phase_names, seen, strict=True):
         phase = case.phases[name]
@@ -355,9 +355,11 @@ def needed_sound_speeds(case: Case, scales: dict[str, float], seen: np.ndarray) 
     return result
 
 
-def sound_speeds(case: Case, scales: dict[str, float], seen: np.ndarray) -> tuple[list[float], list[str]]:
+def sound_speeds(
+    case: Case, scales: dict[str, float], seen: np.ndarray, filled: bool
+) -> tuple[list[float], list[str]]:
     """Return the sound speed of each phase [m/s], and a warning for each given one that is too low."""
-    needed = needed_sound_speeds(case, scales, seen)
+    needed = needed_sound_speeds(case, scales, seen, filled)
     # A dense phase may be stiffer at no cost as long as its sound is no faster.
     fastest, light = max(needed), min(case.phases[name].density for name in case.phase_names)
     lifted = [

@@ -61,7 +61,7 @@ class Clock:
         return self.counters[index] if name in COUNTERS else self.values[index]
 
 
-COUNTERS = {"STEPS", "RUNNING", "REBUILD", "FAULT", "FAULT_PARTICLE", "CHECK"}
+COUNTERS = {"STEPS", "RUNNING", "REBUILD", "FAULT", "FAULT_PARTICLE", "CHECK", "RARE", "STEPS_SINCE_RARE"}
 
 
 def test_acoustic_limit():
@@ -181,6 +181,50 @@ def test_unforeseen_motion_adds_up():
     t = clock.TIME - begin
     assert 0.5 * a * t**2 + 49 * shift <= clock.DRIFT <= 0.55 * a * t**2 + 51 * shift
     assert clock.DRIFT_SPEED >= a * t * (1 - 1e-12)
+
+
+@pytest.mark.parametrize(
+    "limits, speed, period",
+    [
+        ({}, 0.1, ck.RARE_INTERVAL),
+        ({"RARE_CAP": 3.5 * 2e-4}, 0.1, 4),
+        ({"RARE_LIMIT": 2.5 * 2e-4 * 5.0}, 5.0, 3),
+        ({"RARE_LIMIT": 0.5 * 2e-4 * 5.0}, 5.0, 1),
+    ],
+    ids=["steps", "time", "way", "every step"],
+)
+def test_rare_stages_run_again_in_time(limits, speed, period):
+    """After some steps, or in the step in which a particle would go too far or capillary waves would move."""
+    values = {"RARE_LIMIT": math.inf, "RARE_CAP": math.inf, "SKIN": 1.0, "FARTHEST": 5.0, "STEP_CAP": 2e-4, **limits}
+    clock = Clock(SPEED=speed, **values).advance(advancing=0)
+    found = []
+    for _ in range(12):
+        found.append(int(clock.RARE))
+        clock.advance(speed=speed)
+    expected = [int(step % period == period - 1) for step in range(12)]
+    assert found == expected
+
+
+def test_shift_and_kick_count_as_way():
+    values = {"RARE_LIMIT": 4e-4, "RARE_CAP": math.inf, "SKIN": 1.0, "FARTHEST": 5.0}
+    assert Clock(**values).advance(speed=1.0).RARE == 0
+    assert Clock(**values).advance(speed=1.0, shift=1e-4).RARE == 1
+    assert Clock(**values).advance(speed=1.0, acceleration=1.3e4).RARE == 1
+
+
+def test_what_a_constraint_asks_for_is_done_once():
+    """Excess pressure and drift hold for the step after the one that found them."""
+    asked = {"EXCESS_PRESSURE": 3.0, "DRIFT_VELOCITY": 0.5}
+    for rare, left in (1, asked), (0, dict.fromkeys(asked, 0.0)):
+        clock = Clock(RARE_LIMIT=math.inf, RARE_CAP=math.inf, **asked)
+        clock.values[ck.DRIFT_VELOCITY + 1 : ck.DRIFT_VELOCITY + 3] = 0.25
+        clock.counters[ck.RARE] = rare
+        clock.advance()
+        assert {name: getattr(clock, name) for name in asked} == left
+        assert (clock.values[ck.DRIFT_VELOCITY + 1 : ck.DRIFT_VELOCITY + 3] == (0.25 if rare else 0.0)).all()
+        # preparing a portion of the run takes nothing away
+        asked_again = clock.advance(advancing=0).EXCESS_PRESSURE
+        assert asked_again == left["EXCESS_PRESSURE"]
 
 
 def test_start_is_limited_like_any_step():

@@ -175,9 +175,21 @@ def saved(model):
     return copy.deepcopy(model.save_state())
 
 
-def test_restart_anywhere_between_two_constraints(device):
-    """Bit by bit, also where a velocity is about to be taken out."""
-    whole = prepared(SWIRL, device)
+SLOW = {"start.velocity": ["0.1+0.1*sin(2*pi*y)", "0.1*sin(2*pi*x)"], "body_force": [0.2, 0.1]}
+
+
+@pytest.mark.parametrize(
+    "changes, reached",
+    [
+        ({"surface_tension": []}, 2),
+        (SLOW | {"numerics.maximum_step": 1.5e-3}, 4),
+        (SLOW | {"numerics.maximum_step": 5e-4}, ck.RARE_INTERVAL),
+    ],
+    ids=["way", "time", "steps"],
+)
+def test_restart_anywhere_between_two_constraints(changes, reached, device):
+    """Bit by bit, also where a velocity is about to be taken out, whatever asks for that."""
+    whole = prepared(SWIRL | changes, device)
     whole.stepper.run(100.0, 20)
     since, pending = set(), set()
     states = [saved(whole)]
@@ -187,8 +199,8 @@ def test_restart_anywhere_between_two_constraints(device):
     for state in states:
         since.add(int(state["counters"][ck.STEPS_SINCE_RARE]))
         pending.add(bool(state["clock"][ck.DRIFT_VELOCITY]))
-    assert len(since) >= 2 and pending == {True, False}
-    whole.stepper.run(100.0, 12)
+    assert len(since) == reached and pending == {True, False}
+    whole.stepper.run(100.0, 13)
     end = saved(whole)
     for state in states:
         model = Model(whole.case, device=device, threads=1, fresh=False)
@@ -199,16 +211,21 @@ def test_restart_anywhere_between_two_constraints(device):
 
 
 def test_threads_do_not_change_it(monkeypatch):
+    """Neither the state nor any of the velocities that were taken out on the way; several particles a block."""
     monkeypatch.setattr(launch, "SMALLEST_SHARE", 8)
-    ends = []
+    ends, drifts = [], []
     for threads in (1, 2, 3):
-        model = prepared(SWIRL, threads=threads)
-        model.stepper.run(100.0, 40)
+        model = prepared(SWIRL | {"particle_spacing": 1 / 40}, threads=threads)
+        drifts.append([])
+        for _ in range(40):
+            model.stepper.run(100.0, 1)
+            drifts[-1].append(list(model.stepper.read()[0][ck.DRIFT_VELOCITY : ck.DRIFT_VELOCITY + 2]))
         ends.append(saved(model))
         model.launcher.team.close()
-    assert ends[0]["counters"][ck.REBUILDS] >= 2
-    for end in ends[1:]:
+    assert ends[0]["counters"][ck.REBUILDS] >= 2 and np.count_nonzero(drifts[0]) >= 16
+    for end, drift in zip(ends[1:], drifts[1:], strict=True):
         same(end, ends[0])
+        assert drift == drifts[0]
 
 
 # where it is ------------------------------------------------------------------------------------------------
@@ -226,6 +243,7 @@ OBSTACLE = [{"shape": {"sphere": {"center": [0.5, 0.5], "radius": 0.2}}}]
         (PERIODIC, {}, True),
         (BOX, {"domain.boundary": WALLS}, False),
         (BOX, {"domain.boundary": OPEN}, False),
+        (BOX, {"domain.boundary": OPEN, "numerics.pressure_gradient": "corrected"}, False),
         (BOX, {"obstacles": OBSTACLE}, False),
         (BOX, {"numerics.pressure_gradient": "conservative"}, False),
         (LEAN, {}, False),

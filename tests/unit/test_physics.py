@@ -62,6 +62,16 @@ def test_a_light_phase_that_nothing_holds_is_as_stiff_as_any():
         assert light**2 == pytest.approx(share * LAPLACE)
 
 
+def test_a_box_with_a_free_surface_holds_no_volume():
+    """Closed on all sides, but the liquid fills a part of it: the gas may give way like beside an open side."""
+    half = [
+        {"phase": "gas", "shape": {"box": {"lower": [-0.5, -0.5], "upper": [0.5, 0.5]}}},
+        {"phase": "liquid", "shape": {"where": {"condition": "where(abs(x) > abs(y), abs(x), abs(y)) > 0.5 and y < 0.8"}}},
+    ]
+    light, _ = physics_of(droplet(fluids=half)).sound_speed
+    assert light**2 >= 99 * LAPLACE
+
+
 @pytest.mark.parametrize("density", [20.0, 1000.0])
 def test_a_dense_phase_is_stiff_against_the_light_one(density):
     """Fifty times, as far as it is no faster: the light phase would ring against a soft one."""
