@@ -9,7 +9,7 @@ import warp as wp
 
 from tests.scenes import FULL, case_of
 from warpsph import borders, packing, simulation
-from warpsph.borders import VOID, find_interface, volume_factors
+from warpsph.borders import VOID, Interface, find_interface, volume_factors
 from warpsph.case import Case
 from warpsph.geometry import build, contains, inside
 from warpsph.launch import Launcher
@@ -340,8 +340,7 @@ def test_a_wavy_interface_between_walls(device):
 
 
 def test_a_ball(device):
-    boundary = {"x": "wall", "y": "periodic", "z": {"lower": "wall", "upper": "free_slip"}}
-    case = make([disc(5.5, 8.2, 7.7, 8.4), REST], (0, 0, 0), (16, 16, 16), boundary=boundary)
+    case = make([disc(5.5, 8.2, 7.7, 8.4), REST], (0, 0, 0), (16, 16, 16), boundary=WALLS | {"z": "periodic"})
     found, packer = fit(case, device)
     n = found.fluid_count
     outside = np.linalg.norm(found.position[:n] - [8.2, 7.7, 8.4], axis=1) - 5.5
@@ -364,6 +363,69 @@ def test_a_drop_across_a_periodic_corner(device):
     outside = np.hypot(*np.minimum(x, 30 - x).T) - 8
     check_rows(np.where(found.phase == 0, -outside, outside), 1.0)
     assert distances(case, x).min() > 0.7
+
+
+def test_a_slab_that_ends_beside_a_periodic_side():
+    """Its last row is on the one side of it, the first row of the other fluid on the other side."""
+    case = make([fluid("gas", "box", lower=[0, 6.0], upper=[12, 15.8]), REST], upper=(12, 16), boundary=PERIODIC)
+    found, _ = fit(case)
+    y = found.position[:, 1]
+    inner = np.minimum(y - 6.0, 15.8 - y)
+    outer = np.minimum(np.mod(6.0 - y, 16), np.mod(y - 15.8, 16))
+    check_rows(np.where(found.phase == 0, inner, outer), 1.0)
+
+
+@pytest.mark.parametrize(
+    ("below", "above", "lower", "upper"),
+    [(0, 1, -0.3, 0.0), (1, 0, 0.7, -0.06), (1, 2, 0.0, 0.0)],
+    ids=["own phase below", "own phase above", "other phases"],
+)
+def test_push_from_a_single_interface_point(device, monkeypatch, below, above, lower, upper):
+    """On an even lattice nothing else is left of one iteration. The particle 0.2 below the point is pushed to half a spacing
+    from it, on the side of its phase; the one 0.8 above is too far to be pushed through, but drawn a fifth of the way to the
+    row if that is its side; those aside are left alone, and all of them at an interface of other phases."""
+    monkeypatch.setattr(packing, "ITERATIONS", {2: 1})
+    case = make([fluid("liquid", "rest")], upper=(12, 12), boundary=PERIODIC)
+    regions = regions_of(case)
+    start = np.argwhere(np.ones((12, 12))) + 0.5
+    point = Interface(np.array([[5.5, 5.7]]), np.array([[0.0, 1.0]]), np.array([below]), np.array([above]))
+    packer = Packer(Launcher(wp.get_device(device), 1))
+    way = packer._settle(regions, start, np.zeros(144, np.int32), np.ones(144), np.empty((0, 2)), point)
+    expected = np.zeros((144, 2))
+    expected[5 * 12 + 5, 1], expected[5 * 12 + 6, 1] = lower, upper
+    np.testing.assert_allclose(way, expected, atol=2e-5)
+
+
+def test_way_across_a_periodic_side(device, monkeypatch):
+    """From 0.05 before it to 0.3 behind it, not back around the period, although the list was built anew after that."""
+    monkeypatch.setattr(packing, "ITERATIONS", {2: 3})
+    regions = regions_of(make([fluid("liquid", "rest")], upper=(12, 12), boundary=PERIODIC))
+    start = np.argwhere(np.ones((12, 12))) + [0.95, 0.5]
+    point = Interface(np.array([[11.8, 5.5]]), np.array([[1.0, 0.0]]), np.array([1]), np.array([0]))
+    packer = Packer(Launcher(wp.get_device(device), 1))
+    way = packer._settle(regions, start, np.zeros(144, np.int32), np.ones(144), np.empty((0, 2)), point)
+    assert 0.3 < way[11 * 12 + 5, 0] < 0.4 and np.abs(way).max() < 0.4
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_interface_points_are_seen_across_a_periodic_side(device, monkeypatch, axis):
+    """The particle is in the first cell of its row, 0.6 from a point in the last one: drawn a fifth of the way."""
+    monkeypatch.setattr(packing, "ITERATIONS", {2: 1, 3: 1})
+    d = 3 if axis == 2 else 2
+    boundary = WALLS | {"z": "periodic"} if d == 3 else PERIODIC
+    regions = regions_of(make([fluid("liquid", "rest")], (0,) * d, (12,) * d, boundary=boundary))
+    start = np.argwhere(np.ones((12,) * d)) + 0.5
+    place, normal = np.full((1, d), 5.5), np.zeros((1, d))
+    place[0, axis], normal[0, axis] = 11.9, 1.0
+    point = Interface(place, normal, np.array([1]), np.array([0]))
+    far_wall = np.full((int(d == 3), d), -2.5)
+    packer = Packer(Launcher(wp.get_device(device), 1))
+    way = packer._settle(regions, start, np.zeros(12**d, np.int32), np.ones(12**d), far_wall, point)
+    first = np.full(d, 5.5)
+    first[axis] = 0.5
+    expected = np.zeros(d)
+    expected[axis] = -0.02
+    np.testing.assert_allclose(way[np.abs(start - first).max(axis=1) < 0.1], [expected], atol=2e-5)
 
 
 def corners_of(width, height, angle):
@@ -415,6 +477,8 @@ def test_a_film_thinner_than_a_spacing_is_left_in_the_middle():
     assert len(film) == 30 and np.abs(film[:, 1] - 14.5).max() < 0.05
     assert found.volume[:900][found.phase[:900] == 0] == pytest.approx(0.6, rel=1e-3)
     assert np.isfinite(found.position).all()
+    y = find_interface(regions_of(case)).point[:, 1]
+    assert np.minimum(np.abs(y - 14.2), np.abs(y - 14.8)).max() < 1e-4, "where a region ends with the domain is no interface"
 
 
 def test_a_needle_does_not_scatter_particles():
