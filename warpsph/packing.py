@@ -1,7 +1,7 @@
 """The fitted arrangement of a start: rows of particles along the interfaces, even spacing elsewhere.
 
 The particles of the lattice are displaced a little at random, so that nothing of its symmetry is left, and then moved by
-`kernels/packing.py` on the device of the run: a few dozen times towards where their neighbours are even on all sides,
+`kernels/packing.py` on the device of the run: some hundred times towards where their neighbours are even on all sides,
 each time pushed back to half a spacing from the interfaces of their phase. Sides of the domain count as such too.
 Beyond them, in obstacles and away from the fluid stand particles that do not move; the empty space beside a free surface
 is filled with particles of a phase of its own, which are thrown away afterwards.
@@ -42,7 +42,6 @@ SKIN = 0.15
 DRAWN = (0.2, 0.7)
 # Iterations before which the neighbour list is built: particles go far at first and hardly move later.
 LIST_BUILDS = (0, 1, 2, 4, 7, 12, 20, 30, 45, 65, 90, 120)
-
 
 
 class Packer:
