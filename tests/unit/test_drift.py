@@ -20,7 +20,10 @@ BOX = {
     "end_time": 10.0,
     "precision": "float64",
     "domain": {"lower": [0, 0], "upper": [1, 1], "boundary": {"x": "periodic", "y": "periodic"}},
-    "phases": {"light": {"density": 1.0, "viscosity": 0.05}, "heavy": {"density": 10.0, "viscosity": 0.05}},
+    "phases": {
+        "light": {"density": 1.0, "viscosity": 0.05, "sound_speed": 10.22},
+        "heavy": {"density": 10.0, "viscosity": 0.05, "sound_speed": 10.22},
+    },
     "surface_tension": [{"between": ["light", "heavy"], "coefficient": 1.0}],
     "fluids": [
         {"phase": "light", "shape": {"box": {"lower": [0.3, 0.25], "upper": [0.7, 0.7]}}},
