@@ -25,6 +25,7 @@ from .clock import (
     STRAIGHT,
     USELESS,
 )
+from .mirror import NO_WALL, code_shift, make_images, make_sides
 from .pair import BAND, NEAR, WRAPPED
 from .spec import Spec, types, types_of
 
@@ -169,14 +170,30 @@ def make_ranges() -> Any:
 def make_list(spec: Spec) -> Any:
     """Return the kernel that fills the neighbour list of every particle: fluid first, then walls.
 
-    Wall particles list fluid only. Entries beyond `list_width` are counted, not stored.
+    Wall particles list fluid only. Mirror images of the fluid follow the fluid itself and count as fluid (`mirror`).
+    Entries beyond `list_width` are counted, not stored.
     """
     real, vec, _, _ = types_of(spec)
     Grid = make_grid(spec.dimension, spec.precision)
+    Sides = make_sides(spec.dimension, spec.precision)
+    reflect = make_images(spec).reflect
+    codes = 4**spec.dimension
+    image_bit = code_shift(spec.dimension)
     cell_of = make_cell_of(spec.dimension, spec.precision)
     px, py, pz = ([*spec.periodic, False, False])[:3]
     dim = spec.dimension
     any_periodic = any(spec.periodic)
+
+    @wp.func
+    def at_edge(c: wp.vec3i, grid: Grid):
+        edge = bool(False)
+        if wp.static(px):
+            edge = edge or c[0] < 2 or c[0] >= grid.nx - 2
+        if wp.static(py):
+            edge = edge or c[1] < 2 or c[1] >= grid.ny - 2
+        if wp.static(pz):
+            edge = edge or c[2] < 2 or c[2] >= grid.nz - 2
+        return edge
 
     @wp.func
     def image(d: real, period: real):
@@ -192,6 +209,7 @@ def make_list(spec: Spec) -> Any:
     def scan(
         i: int,
         xi: vec,
+        mark: int,
         begin: int,
         end: int,
         state: wp.vec2i,
@@ -232,16 +250,16 @@ def make_list(spec: Spec) -> Any:
             if wp.static(spec.row_list):
                 # about half of the candidates are neighbours: storing all and counting those spares the branch,
                 # which a CPU would guess wrong every other time
-                neighbours[base + wp.min(count, last)] = j
-                hit = int(wp.dot(d, d) < grid.list_radius2) * int(j != i)
+                neighbours[base + wp.min(count, last)] = j + mark
+                hit = int(wp.dot(d, d) < grid.list_radius2) * int(j != i or mark != 0)
                 count += hit
                 if wp.static(spec.multiphase):
                     if own >= 0:
                         flag = flag | (hit * int(int(phase[j]) != own) * NEAR)
             else:
-                if wp.dot(d, d) < grid.list_radius2 and j != i:
+                if wp.dot(d, d) < grid.list_radius2 and (j != i or mark != 0):
                     if count < list_width:
-                        neighbours[count * particle_count + i] = j
+                        neighbours[count * particle_count + i] = j + mark
                     count += 1
                     if wp.static(spec.multiphase):
                         if own >= 0:
@@ -254,6 +272,7 @@ def make_list(spec: Spec) -> Any:
     def row(
         i: int,
         xi: vec,
+        mark: int,
         base: int,
         cx: int,
         state: wp.vec2i,
@@ -274,18 +293,18 @@ def make_list(spec: Spec) -> Any:
                 low = 0
                 high = grid.nx - 1
         s = scan(
-            i, xi, cell_start[base + wp.max(low, 0)], cell_start[base + wp.min(high, grid.nx - 1) + 1],
+            i, xi, mark, cell_start[base + wp.max(low, 0)], cell_start[base + wp.min(high, grid.nx - 1) + 1],
             state, own, edge, particle_count, list_width, grid, phase, anchor, neighbours,
         )  # fmt: skip
         if wp.static(px):
             if low < 0:
                 s = scan(
-                    i, xi, cell_start[base + low + grid.nx], cell_start[base + grid.nx],
+                    i, xi, mark, cell_start[base + low + grid.nx], cell_start[base + grid.nx],
                     s, own, edge, particle_count, list_width, grid, phase, anchor, neighbours,
                 )  # fmt: skip
             if high >= grid.nx:
                 s = scan(
-                    i, xi, cell_start[base], cell_start[base + high - grid.nx + 1],
+                    i, xi, mark, cell_start[base], cell_start[base + high - grid.nx + 1],
                     s, own, edge, particle_count, list_width, grid, phase, anchor, neighbours,
                 )  # fmt: skip
         return s
@@ -294,6 +313,7 @@ def make_list(spec: Spec) -> Any:
     def search(
         i: int,
         xi: vec,
+        mark: int,
         kind_base: int,
         c: wp.vec3i,
         state: wp.vec2i,
@@ -350,7 +370,7 @@ def make_list(spec: Spec) -> Any:
                         yy -= grid.ny
                 base = kind_base + (zz * grid.ny + yy) * grid.nx
                 s = row(
-                    i, xi, base, c[0], s, own, edge, particle_count, list_width, grid, cell_start, phase, anchor,
+                    i, xi, mark, base, c[0], s, own, edge, particle_count, list_width, grid, cell_start, phase, anchor,
                     neighbours,
                 )  # fmt: skip
                 y += 1
@@ -373,6 +393,7 @@ def make_list(spec: Spec) -> Any:
         wall_neighbours: wp.array(dtype=wp.int16),
         flags: wp.array(dtype=wp.uint8),
         list_peak: wp.array(dtype=int),
+        sides: Sides,
     ):
         i = wp.tid() + first
         xi = anchor[i]
@@ -383,23 +404,37 @@ def make_list(spec: Spec) -> Any:
             if wp.static(spec.multiphase):
                 own = int(phase[i])
         # only a particle within two cells of a periodic side can have a neighbour across it
-        edge = bool(False)
-        if wp.static(px):
-            edge = edge or c[0] < 2 or c[0] >= grid.nx - 2
-        if wp.static(py):
-            edge = edge or c[1] < 2 or c[1] >= grid.ny - 2
-        if wp.static(pz):
-            edge = edge or c[2] < 2 or c[2] >= grid.nz - 2
+        edge = at_edge(c, grid)
         s = search(
-            i, xi, 0, c, wp.vec2i(0, 0), own, edge, particle_count, list_width, grid, cell_start, phase, anchor,
+            i, xi, 0, 0, c, wp.vec2i(0, 0), own, edge, particle_count, list_width, grid, cell_start, phase, anchor,
             neighbours,
         )  # fmt: skip
+        if wp.static(spec.mirror):
+            if i < fluid_count:
+                radius = wp.sqrt(grid.list_radius2)
+                # code of the sides that are near enough for images, both bits of an axis
+                near = int(0)
+                for axis in range(wp.static(dim)):
+                    if sides.kind[2 * axis] != NO_WALL and xi[axis] - sides.lower[axis] < radius:
+                        near = near | (1 << (2 * axis))
+                    if sides.kind[2 * axis + 1] != NO_WALL and sides.upper[axis] - xi[axis] < radius:
+                        near = near | (2 << (2 * axis))
+                if near != 0:
+                    for code in range(1, wp.static(codes)):
+                        both = (code & (code >> 1)) & wp.static(codes // 3)  # an axis has one mirror at a time
+                        if (code & near) == code and both == 0:
+                            x = reflect(xi, code, sides)
+                            cell = cell_of(x, grid)
+                            s = search(
+                                i, x, code << image_bit, 0, cell, s, own, at_edge(cell, grid), particle_count, list_width,
+                                grid, cell_start, phase, anchor, neighbours,
+                            )  # fmt: skip
         fluid = s[0]
         fluid_neighbours[i] = wp.int16(wp.min(fluid, list_width))
         if wp.static(spec.walls):
             if i < fluid_count:
                 s = search(
-                    i, xi, grid.cell_count, c, s, -1, edge, particle_count, list_width, grid, cell_start, phase,
+                    i, xi, 0, grid.cell_count, c, s, -1, edge, particle_count, list_width, grid, cell_start, phase,
                     anchor, neighbours,
                 )  # fmt: skip
                 wall_neighbours[i] = wp.int16(wp.min(s[0], list_width) - wp.min(fluid, list_width))

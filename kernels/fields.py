@@ -16,6 +16,14 @@ def _always(spec: Spec) -> bool:
     return True
 
 
+def _riemann(spec: Spec) -> bool:
+    return spec.scheme == "riemann"
+
+
+def _projected(spec: Spec) -> bool:
+    return spec.scheme == "isph"
+
+
 def _multiphase(spec: Spec) -> bool:
     return spec.multiphase
 
@@ -88,13 +96,28 @@ FIELDS: tuple[Field, ...] = (
     Field("anchor", "vec", "all", True, _always, "m", "position at the last list build"),
     Field("offset", "vec", "fluid", True, _always, "m", "way since the last list build"),
     Field("position", "vec", "all", True, _always, "m", "anchor + offset"),
-    Field("midway", "vec", "fluid", False, _always, "m", "position in the middle of the step, for the continuity sweep"),
+    Field("midway", "vec", "fluid", False, _riemann, "m", "position in the middle of the step, for the continuity sweep"),
     Field("velocity", "vec", "all", True, _always, "m/s", "half a step behind the position; of the surface for walls"),
     Field("acceleration", "vec", "fluid", True, _always, "m/s^2", "of the last momentum sweep"),
+    Field("velocity_old", "vec", "fluid", True, _projected, "m/s", "velocity of the step before"),
+    Field("velocity_star", "vec", "fluid", False, _projected, "m/s", "velocity without the pressure of the step"),
+    Field("pressure", "real", "fluid", True, _projected, "Pa", "of the last solve, start of the next"),
+    Field("pressure_gradient", "vec", "fluid", True, _projected, "Pa/m", "of the last step"),
+    Field("lasting_gradient", "vec", "fluid", True, _projected, "Pa/m", "of the last two steps, without impacts"),
+    Field("dilation", "real", "fluid", True, _projected, "1/s", "divergence of the velocity after the last step"),
+    Field("correction", "mat", "fluid", False, _projected, "-", "makes gradients exact for linear fields"),
+    Field("crowding", "vec", "fluid", False, _projected, "1/m", "sum of grad W V: zero on an even arrangement"),
+    Field("spread", "real", "fluid", False, _projected, "-", "divergence of the positions: d inside a fluid"),
+    Field("company", "real", "fluid", False, _projected, "-", "spread without the own images behind walls"),
+    Field("exposed", "uint8", "fluid", False, _projected, "-", "surface before fragments are counted to it"),
+    Field("surface", "uint8", "fluid", False, _projected, "-", "0 inside, 1 at the free surface, 2 isolated"),
+    Field("surface_normal", "vec", "fluid", False, _projected, "-", "outward normal; of use at the surface alone"),
+    Field("unknown", "real", "fluid", False, _projected, "Pa", "solution of the pressure equation"),
+    Field("source", "real", "fluid", False, _projected, "1/s^2", "its right-hand side"),
     Field("density_excess", "real", "fluid", True, _always, "-", "rho/rho0 - 1"),
     Field("rest_volume", "real", "fluid", True, _always, "m^d", "mass / rho0"),
     Field("state", "pair", "all", True, _always, "Pa, m^d", "pressure and volume"),
-    Field("state_old", "pair", "fluid", False, _always, "Pa, m^d", "state before the continuity sweep"),
+    Field("state_old", "pair", "fluid", False, _riemann, "Pa, m^d", "state before the continuity sweep"),
     Field("particle_id", "int32", "all", True, _always, "-", "number given at the start"),
     Field("phase", "int8", "fluid", True, _multiphase, "-", "index of the fluid phase"),
     Field("shift", "vec", "fluid", True, _shifting, "m", "shift to apply in the next drift"),

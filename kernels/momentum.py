@@ -265,6 +265,8 @@ def make_momentum(spec: Spec) -> Any:
             a += params.gravity
         if wp.static(spec.body_force):
             a += params.body_force
+        if wp.static(spec.central_force):
+            a -= params.pull * (xi - params.center)
         acceleration[i] = a
 
         if wp.static(spec.shifting):

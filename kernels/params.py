@@ -24,6 +24,8 @@ def make_params(dimension: int, precision: str) -> Any:
         half_box: vec  # half of it [m]
         gravity: vec  # hydrostatic acceleration [m/s^2]
         body_force: vec  # other uniform acceleration [m/s^2]
+        center: vec  # of the central force [m]
+        pull: real  # B^2 of the central acceleration -B^2 (x - center) [1/s^2]
         dissipation: real  # factor theta on the pressure difference in the star velocity [-]
         shifting: real  # shifting coefficient A [-]
         shift_cap: real  # longest shift of a step as share of h [-]

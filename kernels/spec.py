@@ -37,12 +37,17 @@ class Spec:
         paper_star: arithmetic star states of the printed scheme at interfaces.
         gravity: a hydrostatic acceleration acts.
         body_force: an acceleration that pressure does not balance acts.
+        central_force: an acceleration -B^2 (x - center) acts.
         shifting: particles are shifted towards an even arrangement.
         volume_constraint: the mean pressure follows from the volume of a closed domain.
         momentum_constraint: the total momentum of a periodic box is kept.
         interface_force: pair force that keeps phases apart.
         dissipation: the pressure difference enters the star velocity.
         free_surface: an axis is open, so that wall pressure never pulls.
+        scheme: "riemann" or "isph".
+        mirror: sides of the domain are walls made of mirror images (isph).
+        second_order: BDF2 in time instead of the first-order projection (isph).
+        tangential: shifts near a free surface act along it alone (isph).
         row_list: neighbour list stored particle by particle (CPU) instead of neighbour by neighbour (GPU).
     """
 
@@ -61,12 +66,17 @@ class Spec:
     paper_star: bool = False
     gravity: bool = False
     body_force: bool = False
+    central_force: bool = False
     shifting: bool = False
     volume_constraint: bool = False
     momentum_constraint: bool = False
     interface_force: bool = False
     dissipation: bool = True
     free_surface: bool = False
+    scheme: str = "riemann"
+    mirror: bool = False
+    second_order: bool = False
+    tangential: bool = False
     row_list: bool = True
 
 

@@ -104,6 +104,7 @@ class Setup:
         tension: surface tension between any two phases [N/m].
         cosines: (phases, phases) cosine of the contact angle of the row's phase against the column's.
         dissipation, shifting, zeta: numbers of `Params`.
+        values: further kernel arguments by name.
     """
 
     def __init__(
@@ -134,6 +135,7 @@ class Setup:
         zeta=0.0,
         skin=0.12,
         width=None,
+        values=None,
         device="cpu",
     ):
         self.device = wp.get_device(device)
@@ -208,6 +210,7 @@ class Setup:
             "contact_angles": wp.array(
                 np.ravel(0.0 * matrix if cosines is None else cosines), dtype=real, device=self.device
             ),
+            **(values or {}),
         }
         # cells are made for finite boxes; an axis on which all particles lie needs some width too
         room = [0.0 if p else 1e-9 + 0.5 * spacing for p in spec.periodic]

@@ -499,6 +499,13 @@ class Start(CaseModel):
 _AutoScale = Annotated[float | Literal["auto"], NumberRule(above=0, auto=True)]
 
 
+class CentralForce(CaseModel):
+    """An acceleration towards a point that grows with the distance, -rate^2 (x - center)."""
+
+    rate: PositiveNumber = Field(description="B of the acceleration -B^2 (x - center), 1/s", examples=["100"])
+    center: Vector = Field(default=(), description="the point, m (default the origin)", examples=["[0, 0]"])
+
+
 class Scales(CaseModel):
     """What the flow will see; sound speeds are derived from it."""
 
@@ -515,8 +522,11 @@ _Auto = Literal["auto"]
 class Numerics(CaseModel):
     """How it is computed. `formulation` sets the defaults of the keys that are `auto`."""
 
-    scheme: Annotated[Literal["riemann"], ChoiceRule()] = Field(
-        default="riemann", description="the scheme", examples=["riemann"]
+    scheme: Annotated[Literal["riemann", "isph"], ChoiceRule()] = Field(
+        default="riemann",
+        description="riemann: weakly compressible Riemann SPH, any number of phases; isph: projection ISPH, one "
+        "incompressible phase",
+        examples=["isph"],
     )
     formulation: Annotated[Literal["improved", "paper"], ChoiceRule()] = Field(
         default="improved",
@@ -589,6 +599,40 @@ class Numerics(CaseModel):
     )
     maximum_step: Annotated[float | None, NumberRule(above=0, none=True)] = Field(
         default=None, description="upper limit of the time step, s; none: no limit", examples=["1e-3"]
+    )
+    time_order: Annotated[int | _Auto, NumberRule(least=1, most=2, integer=True, auto=True)] = Field(
+        default="auto",
+        description="isph: 1, the printed projection, or 2, BDF2. auto: 2 (paper: 1)",
+        examples=["2"],
+    )
+    relaxed_divergence: Annotated[bool | _Auto, BeforeValidator(lambda v: _as_switch(v))] = Field(
+        default="auto",
+        description="isph: take out divergence that is left over within h/u_max, not at once. auto: true (paper: false)",
+        examples=["true"],
+    )
+    deferred_correction: Annotated[bool | _Auto, BeforeValidator(lambda v: _as_switch(v))] = Field(
+        default="auto",
+        description="isph: take what an uneven arrangement makes of the last pressure gradient out of the pressure "
+        "equation. auto: true (paper: false)",
+        examples=["true"],
+    )
+    surface_offset: Annotated[float | _Auto, NumberRule(least=0, most=1, auto=True)] = Field(
+        default="auto",
+        description="isph: distance from the particles at a free surface to the place where p = 0, in particle_spacing. "
+        "auto: 0.5 (paper: 0)",
+        examples=["0.5"],
+    )
+    solver: Annotated[Literal["auto", "cg", "bicgstab"], ChoiceRule()] = Field(
+        default="auto", description="isph: solver of the pressure equation. auto: cg", examples=["cg"]
+    )
+    preconditioner: Annotated[Literal["auto", "multigrid", "jacobi", "none"], ChoiceRule()] = Field(
+        default="auto", description="isph: preconditioner of the solver. auto: multigrid", examples=["multigrid"]
+    )
+    tolerance: Annotated[float, NumberRule(least=1e-14, most=0.1)] = Field(
+        default=1e-6, description="isph: relative residual of the pressure equation", examples=["1e-6"]
+    )
+    maximum_iterations: Annotated[int, NumberRule(least=1, most=1_000_000, integer=True)] = Field(
+        default=1000, description="isph: iterations after which a solve is given up", examples=["1000"]
     )
 
 
@@ -851,14 +895,15 @@ class ReferenceValue(_Reference):
     reduce: Annotated[
         Literal[
             "mean", "max", "min", "final", "rms", "farthest", "change", "period",
-            "peak", "peak_time", "trough", "trough_time", "slope",
+            "peak", "peak_time", "trough", "trough_time", "noise", "slope",
         ],
         ChoiceRule(),
     ] = Field(
         default="mean",
         description="how the column becomes one number. farthest: the value farthest from the reference; change: the "
         "largest relative change since the first row; peak, trough and their times: of the cubic through the rows of the "
-        "window; slope: of a line gauge, at its last time",
+        "window; noise: root mean square of the deviations from a parabola through the rows within half a span of each; "
+        "slope: of a line gauge, at its last time",
         examples=["mean"],
     )  # fmt: skip
     window: _Window | None = Field(
@@ -870,6 +915,11 @@ class ReferenceValue(_Reference):
         default=None,
         description="slope: part of the line that counts, distances from its `from`, m (default: all of it)",
         examples=["[0.1, 0.4]"],
+    )
+    span: PositiveNumber | None = Field(
+        default=None,
+        description="noise: the time over which the column is all but a parabola, s; what rings faster is noise",
+        examples=["2"],
     )
     value: Number = Field(description="the reference, in the unit of the column", examples=["1.72"])
 
@@ -900,9 +950,21 @@ class ReferenceCurve(_Reference):
         examples=["[1, 2]"],
     )
     norm: _Norm = Field(default="max", description="how the deviations become one number", examples=["max"])
+    reduce: Annotated[
+        Literal[
+            "mean", "max", "min", "final", "rms", "period", "peak", "peak_time", "trough", "trough_time"
+        ],
+        ChoiceRule(),
+    ] | None = Field(
+        default=None,
+        description="instead of norm: column and curve each become one number in this way, over the same times, and these "
+        "are compared (peak, trough and their times: of the cubic through the rows of the window)",
+        examples=["mean"],
+    )  # fmt: skip
     relative_to: _RelativeTo = Field(
         default="peak",
-        description="what the error is divided by; absolute: by nothing, in the unit of the column",
+        description="what the error is divided by; absolute: by nothing, in the unit of the column. With reduce: by the "
+        "number of the curve, or absolute",
         examples=["peak"],
     )
 
@@ -1178,6 +1240,9 @@ class Case(CaseModel):
         description="acceleration of the fluid that is not counted as hydrostatic, m/s^2 (default zero)",
         examples=["[1e-4, 0]"],
     )
+    central_force: CentralForce | None = Field(
+        default=None, description="acceleration towards a point", examples=["{rate: 100}"]
+    )
     phases: Annotated[Mapping[Name, Phase], Field(min_length=1), FreezeMapping()] = Field(
         description="the fluids by name, in the order of their index", examples=["{water: {density: 1000}}"]
     )
@@ -1257,6 +1322,8 @@ class Case(CaseModel):
 
         fill(self, "gravity", zero)
         fill(self, "body_force", zero)
+        if self.central_force is not None:
+            fill(self.central_force, "center", zero)
         fill(self.start, "velocity", (compile_expression("0.0"),) * self.dimension)
         for obstacle in self.obstacles:
             fill(obstacle, "velocity", zero)
@@ -1412,6 +1479,8 @@ def _automatic_choices(case: Case) -> dict[str, Any]:
         "shifting": 16.0 if gradient == "corrected" else 0.0,
         "volume_constraint": gradient == "corrected" and not case.has_open_sides,
     }
+    if numerics.scheme == "isph":
+        choices = {}  # all follow from the physics
     return {key: value for key, value in choices.items() if getattr(numerics, key) == "auto"}
 
 

@@ -361,6 +361,8 @@ def _vectors(case: Any) -> Iterator[tuple[str, Callable[[], Any]]]:
     yield "domain.upper", lambda: case.domain.upper
     yield "gravity", lambda: case.gravity
     yield "body_force", lambda: case.body_force
+    if getattr(case, "central_force", None) is not None:
+        yield "central_force.center", lambda: case.central_force.center
     yield "start.velocity", lambda: case.start.velocity
 
 
@@ -617,6 +619,8 @@ def _check_start(case: Any, _folder: Path | None, _raw: Any) -> _Problems:
 
 
 def _check_numerics(case: Any, _folder: Path | None, _raw: Any) -> _Problems:
+    if case.numerics.scheme == "isph":
+        yield from _check_isph(case)
     if case.numerics.volume_constraint is True:
         for axis in AXES[: case.dimension]:
             sides = getattr(case.domain.boundary, axis)
@@ -627,6 +631,28 @@ def _check_numerics(case: Any, _folder: Path | None, _raw: Any) -> _Problems:
                     f"needs a closed or periodic domain, {axis} is open",
                     "write auto or false",
                 )
+
+
+def _check_isph(case: Any) -> _Problems:
+    if len(case.phases) > 1:
+        rule = f"takes one phase, the case has {len(case.phases)}"
+        yield Problem("numerics.scheme", "isph", rule, "write scheme: riemann, or leave one phase")
+    if len(case.surface_tension) > 0:
+        rule = "does not act with scheme: isph"
+        yield Problem("surface_tension", len(case.surface_tension), rule, "write scheme: riemann, or delete it")
+    if case.numerics.volume_constraint is True:
+        rule = "is part of scheme: riemann; isph keeps the volume by its pressure equation"
+        yield Problem("numerics.volume_constraint", True, rule, "write auto")
+    from warpsph.linear_solver import attainable
+
+    least = attainable(case.precision)
+    if case.numerics.tolerance < least:
+        remedy = f"write at least {least:g}" + (", or precision: float64" if case.precision == "float32" else "")
+        yield Problem("numerics.tolerance", case.numerics.tolerance, f"is out of reach in {case.precision}", remedy)
+    for name, gauge in case.gauges.items():
+        if gauge.type == "wall_force":
+            rule = "needs wall particles, which scheme: isph has at obstacles alone, and their pressure"
+            yield Problem(f"gauges.{name}.type", gauge.type, rule, "use a gauge of type points at the wall")
 
 
 def _check_output(case: Any, _folder: Path | None, _raw: Any) -> _Problems:
@@ -731,6 +757,7 @@ def _check_reference(case: Any, folder: Path | None, raw: Any, name: Any, refere
         return
     gauge = case.gauges[reference.gauge]
     kind = gauge.type
+    yield from _check_reduce(path, reference)
     if isinstance(reference, ReferenceCurves):
         if kind != "line":
             yield Problem(
@@ -766,6 +793,22 @@ def _check_reference(case: Any, folder: Path | None, raw: Any, name: Any, refere
             compile_expression(reference.column, names=[str(key) for key in case.phases], constants=False)
         except ExpressionError as error:
             yield Problem(f"{path}.column", reference.column, f"{error.rule_with_column}", error.remedy)
+
+
+def _check_reduce(path: str, reference: Any) -> _Problems:
+    """What belongs to one way of reducing is given with that one alone."""
+    if isinstance(reference, ReferenceValue):
+        if reference.reduce == "noise" and reference.span is None:
+            rule = "noise needs a span: the time over which the column is all but a parabola"
+            yield Problem(f"{path}.span", MISSING, rule, "write e.g. span: 2")
+        if reference.reduce != "noise" and reference.span is not None:
+            yield Problem(f"{path}.span", reference.span, "belongs to reduce: noise", "delete it")
+    elif isinstance(reference, ReferenceCurve) and reference.reduce is not None:
+        if reference.norm != "max":
+            yield Problem(f"{path}.norm", reference.norm, "with reduce there is no norm", "delete one of both")
+        if reference.relative_to not in ("peak", "absolute"):
+            rule = "with reduce the error is relative to the number of the curve, or absolute"
+            yield Problem(f"{path}.relative_to", reference.relative_to, rule, "delete it, or write absolute")
 
 
 def _check_line_column(case: Any, path: str, reference: ReferenceCurves | ReferenceValue, gauge: Any) -> _Problems:

@@ -20,7 +20,7 @@ With f the run's values and g the reference's, at the same times, points or part
 
 | norm | error | value and reference are |
 |---|---|---|
-| single number | (f - g) / g | f and g |
+| single number, curve: reduce | (f - g) / g | f and g |
 | curve, curves: max | max abs(f - g) / s | f and g where the error is largest |
 | curve, curves: rms | sqrt(mean (f - g)^2) / s | their root mean squares |
 | curve, curves: final | abs(f - g) / s at the last time | f and g there; curves: rms of the last profile |
@@ -33,6 +33,11 @@ s is the largest abs(g) (relative_to: peak; of each profile for itself), abs(g) 
 abs(g) at each time or position (pointwise; where g is 0 nothing is compared), or 1 (absolute). abs of a vector is its
 length. The wrong area is that of the particles whose centres lie on the other side of the reference interface than
 their phase.
+
+`reduce: noise` is the root mean square of what is left of a column when a parabola, fitted by least squares to the rows
+within half a `span` of each row, is taken off there (the filter of Savitzky and Golay 1964). It passes what rings with
+periods up to the span and is blind to slower motion: of a sine it leaves 1.0 to 1.2 of the amplitude at periods of half a
+span or less, 0.24 at a whole span, 0.02 at two and 0.001 at four.
 """
 
 from __future__ import annotations
@@ -40,6 +45,7 @@ from __future__ import annotations
 import csv
 import dataclasses
 import math
+import re
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -208,19 +214,27 @@ class _Source:
 
 
 def pick_column(columns: Columns, units: Mapping[str, str], text: str) -> tuple[np.ndarray, str]:
-    """Values and unit of a column, or of arithmetic of columns such as `2 * kinetic`.
+    """Values and unit of a column, or of arithmetic of columns such as `2 * kinetic` or `highest_x gas - lowest_x gas`.
 
     The unit is empty where it does not follow from sums and differences.
     """
     if text in columns:
         return columns[text], units.get(text, "")
-    names = [name for name in columns if name.isidentifier()]
+    called = {name: name for name in columns if name.isidentifier()}
+    formula = text
+    # A name of several words gets one word as a stand-in, the longest first, since `kinetic gas` may be part of another.
+    # `gas - liquid` is none of them: as arithmetic it means the same.
+    several = [name for name in columns if " " in name and all(word.isidentifier() for word in name.split(" "))]
+    for place, name in enumerate(sorted(several, key=len, reverse=True)):
+        formula, count = re.subn(rf"(?<!\w){re.escape(name)}(?!\w)", f"column_{place}", formula)
+        if count:
+            called[f"column_{place}"] = name
     try:
-        expression = compile_expression(text, names=names)
-        values = expression.evaluate(finite=False, **{name: columns[name] for name in names})
+        expression = compile_expression(formula, names=list(called))
+        values = expression.evaluate(finite=False, **{word: columns[name] for word, name in called.items()})
     except ExpressionError as error:
         raise _NotComparable(f"there is no column {text!r}; there are {', '.join(columns)}") from error
-    found = {units.get(name, "") for name in expression.names}
+    found = {units.get(called[word], "") for word in expression.names}
     return values, found.pop() if len(found) == 1 and not set("*/") & set(text) else ""
 
 
@@ -265,13 +279,8 @@ def _value(spec: Any, source: _Source) -> dict[str, Any]:
         times, values, unit = source.column(spec)
         inside = _in_window(spec, source, times)
         times, values = times[inside], values[inside]
-        if spec.reduce == "period":
-            value, unit = period(times, values), "s"
-        elif spec.reduce in ("peak", "peak_time", "trough", "trough_time"):
-            at, value = extreme(times, values, highest=spec.reduce.startswith("peak"))
-            note = f"at {at:.6g} s"
-            if spec.reduce.endswith("_time"):
-                value, unit, note = at, "s", f"{value:.6g} there"
+        if spec.reduce == "noise":
+            value, note = noise(times, values, spec.span), f"about parabolas of {spec.span:g} s"
         elif spec.reduce == "farthest":
             value = float(values[np.argmax(np.abs(values - reference))])
         elif spec.reduce == "change":
@@ -280,7 +289,7 @@ def _value(spec: Any, source: _Source) -> dict[str, Any]:
             change = values / values[0] - 1.0
             value, unit = float(change[np.argmax(np.abs(change))]), "1"
         else:
-            value = REDUCTIONS[spec.reduce](values)
+            value, unit, note = _reduced(spec.reduce, times, values, unit)
     result = {"value": value, "reference": reference, "unit": unit}
     if reference == 0.0:
         note = "; ".join(filter(None, ["absolute error, as the reference is 0", note]))
@@ -311,6 +320,39 @@ REDUCTIONS: dict[str, Callable[[np.ndarray], float]] = {
 }
 
 
+def _reduced(reduce: str, times: np.ndarray, values: np.ndarray, unit: str) -> tuple[float, str, str]:
+    """One number from the rows of a window, its unit and a note; the ways that need nothing but the rows."""
+    if reduce == "period":
+        return period(times, values), "s", ""
+    if reduce in ("peak", "peak_time", "trough", "trough_time"):
+        at, value = extreme(times, values, highest=reduce.startswith("peak"))
+        return (at, "s", f"{value:.6g} there") if reduce.endswith("_time") else (value, unit, f"at {at:.6g} s")
+    return REDUCTIONS[reduce](values), unit, ""
+
+
+def noise(times: np.ndarray, values: np.ndarray, span: float) -> float:
+    """Root mean square of the deviations of rows from the parabolas through their surroundings, see the module.
+
+    times, values: (n,), s and the unit of the result
+    span: s; rows nearer to either end than half of it are part of parabolas only
+
+    Raises _NotComparable if no row has a whole span around it with eight rows in it, or values are not finite.
+    """
+    if not np.isfinite(values).all():
+        raise _NotComparable("not a finite number in the window")
+    half = 0.5 * span * (1 + 1e-9)
+    first, last = np.searchsorted(times, times - half), np.searchsorted(times, times + half, side="right")
+    whole = (times - times[0] >= half * (1 - 1e-8)) & (times[-1] - times >= half * (1 - 1e-8)) & (last - first >= 8)
+    if not whole.any():
+        raise _NotComparable(f"noise needs eight rows within {span:g} s, and a window longer than that")
+    left = []
+    for row in np.flatnonzero(whole):
+        near = slice(first[row], last[row])
+        fit = np.polynomial.polynomial.polyfit(times[near] - times[row], values[near], 2)
+        left.append(values[row] - fit[0])
+    return float(np.sqrt(np.mean(np.square(left))))
+
+
 def period(times: np.ndarray, values: np.ndarray) -> float:
     """Mean time [s] between upward crossings of the mean value, each interpolated between two rows.
 
@@ -335,8 +377,12 @@ def extreme(times: np.ndarray, values: np.ndarray, highest: bool) -> tuple[float
     if len(times) < 8 or not np.isfinite(values).all():
         raise _NotComparable("a cubic needs eight rows with numbers in the window")
     cubic = np.polynomial.Polynomial.fit(times, values, 3)
-    turns = cubic.deriv().roots()
-    turns = turns[np.isreal(turns)].real
+    # Roots of the slope c + b x + a x^2 by the form that keeps its digits when a is rounding alone, as at a symmetric peak.
+    c, b, a = np.append(cubic.deriv().coef, [0.0, 0.0])[:3]
+    square = b * b - 4.0 * a * c
+    q = -0.5 * (b + math.copysign(math.sqrt(square), b)) if square >= 0.0 else 0.0
+    roots = [top / bottom for top, bottom in ((c, q), (q, a)) if q != 0.0 and bottom != 0.0]
+    turns = np.asarray(np.polynomial.polyutils.mapdomain(np.array(roots), cubic.window, cubic.domain))
     candidates = np.concatenate([turns[(turns > times[0]) & (turns < times[-1])], times[[0, -1]]])
     found = cubic(candidates)
     best = int(np.argmax(found) if highest else np.argmin(found))
@@ -378,6 +424,8 @@ def _curve(spec: Any, source: _Source) -> dict[str, Any]:
         )
     times, values = times[covered], values[covered]
     reference = np.interp(times, known_times, known)
+    if spec.reduce is not None:
+        return _reduced_curve(spec, times, values, reference, unit)
     first = known[0]
     error, worst = _norm(values, reference, spec.norm, spec.relative_to, first)
     note = f"compared over {times[0]:g} to {times[-1]:g} s"
@@ -390,6 +438,25 @@ def _curve(spec: Any, source: _Source) -> dict[str, Any]:
     if spec.norm == "max":
         note += f", largest at {times[worst]:g} s"
     return {**result, "note": note, "value": float(values[worst]), "reference": float(reference[worst])}
+
+
+def _reduced_curve(
+    spec: Any, times: np.ndarray, values: np.ndarray, reference: np.ndarray, unit: str
+) -> dict[str, Any]:
+    """A column and a curve at the same times, each reduced to one number in the same way."""
+    if spec.window is not None:
+        slack = 1e-9 * spec.window[1] + 2 * float(np.diff(times).max(initial=0.0))
+        if times[-1] < spec.window[1] - slack or times[0] > spec.window[0] + slack:
+            raise _NotComparable(f"{spec.curve.file} does not cover the window: {times[0]:g} to {times[-1]:g} s of it alone")
+    known, _, _ = _reduced(spec.reduce, times, reference, unit)
+    value, unit, note = _reduced(spec.reduce, times, values, unit)
+    note = "; ".join(filter(None, [f"over {times[0]:g} to {times[-1]:g} s", note]))
+    result = {"value": value, "reference": known, "unit": unit}
+    if spec.relative_to == "absolute":
+        return {**result, "error": value - known, "note": f"absolute error; {note}"}
+    if known == 0.0:
+        raise _NotComparable("the reference is 0: nothing can be relative to it; relative_to: absolute")
+    return {**result, "error": (value - known) / known, "note": note}
 
 
 def _known_curve(spec: Any, case: Any) -> tuple[np.ndarray, np.ndarray]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import importlib.util
 import json
 import math
+import textwrap
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -34,7 +35,8 @@ _WORTH = 1.3  # how much larger pictures have to become for one more row of them
 _BESIDE = 2.0  # what colour bar and labels take of the width [inch]
 _CURVE_COLUMNS = 3
 _CURVE_HEIGHT = 2.9  # of a panel of curves [inch]
-_TIMES = ("period", "peak_time", "trough_time")  # reductions whose result is a time
+_NO_VALUES = ("period", "peak_time", "trough_time", "noise")  # reductions whose result is no value of the column
+_LONGEST_LABEL = 34  # letters beside a panel of curves; longer arithmetic of columns takes more lines
 _FEW = 25  # reference points that are drawn one by one
 _MOST_POINTS = 20_000  # particles in one panel against their exact values
 _SAME_TIME = 5e-3  # share of a time within which a reference interface belongs to a picture
@@ -251,7 +253,8 @@ def _is_absolute(result: Mapping[str, Any]) -> bool:
 
 
 def _axis(entry: Compared) -> str:
-    return entry.label.replace("_", " ") + (f" [{entry.unit}]" if entry.unit not in ("", "1") else "")
+    text = entry.label.replace("_", " ") + (f" [{entry.unit}]" if entry.unit not in ("", "1") else "")
+    return textwrap.fill(text, _LONGEST_LABEL, break_long_words=False, break_on_hyphens=False)
 
 
 def _draw_value(panel: Axes, entries: list[Compared], results: Mapping[str, Mapping[str, Any]]) -> None:
@@ -262,8 +265,8 @@ def _draw_value(panel: Axes, entries: list[Compared], results: Mapping[str, Mapp
         start, end = entry.window or (times[0], times[-1])
         if entry.reduce == "final":
             start = end - 0.1 * (end - start)
-        if entry.reduce in _TIMES:  # the reference is no value of the column
-            if entry.reduce != "period":
+        if entry.reduce in _NO_VALUES:
+            if entry.reduce.endswith("_time"):
                 panel.axvline(entry.value, color="black", linestyle="--", linewidth=1.0, label="reference")
             continue
         value, result = entry.value, results.get(entry.quantity, {})

@@ -5,7 +5,7 @@
 | energy | kinetic, potential, elastic, total, and `kinetic gas`, `total gas` ... for each phase | particles |
 | momentum | momentum_x ..., angular_z (3-D: x, y, z), scale, max_speed | particles |
 | phase_pressure | the name of each phase, `gas - liquid` ..., max, min | particles |
-| extents | `lowest_x gas`, `highest_x gas`, `centroid_x gas` ..., `front gas`, `area gas` ... | particles |
+| extents | `lowest_x gas`, `highest_x gas`, `centroid_x gas`, `semi_axis_x gas`, `front gas`, `area gas` ... | particles |
 | contour | `perimeter gas`, `circularity gas`, `filling gas`, `lowest_x gas`, `highest_x gas` ... (2-D) | particles |
 | phase_velocity | `velocity_x gas` ..., `max_speed gas` | particles |
 | strays | the name of each phase | particles |
@@ -229,6 +229,9 @@ class ExtentsGauge(Gauge):
     - `centroid_x` ...: weighted with the volume
     - `area` (3-D: `volume`): the sum of the particles' volumes
     - `circularity`, `roundness` (2-D): see `outline`; they mean something for one compact, star-shaped patch
+    - `semi_axis_x` ...: sqrt((d + 2) <(x - centroid_x)^2>), the semi-axes of an ellipse or ellipsoid along the axes of the
+      scene that has the same second moments. A particle counts as a square (cube) of its volume, with a second moment of
+      its own, volume^(2/d)/12: a rectangle of lattice cells has its exact moments
 
     Along a periodic axis a phase that does not fill the axis is put together first, so that a drop that
     crosses the boundary is still one drop; its centroid is inside the domain, its ends may reach beyond. A
@@ -253,6 +256,7 @@ class ExtentsGauge(Gauge):
                 result += [Column(f"circularity {phase}", "1"), Column(f"roundness {phase}", "1")]
             else:
                 result.append(Column(f"volume {phase}", "m^3"))
+            result += [Column(f"semi_axis_{axis} {phase}", "m") for axis in self.axes]
         return result
 
     def row(self, snapshot: Snapshot) -> list[float]:
@@ -263,7 +267,7 @@ class ExtentsGauge(Gauge):
             position = snapshot.position[mine]
             if not len(volume) or not np.isfinite(position).all():
                 result += [math.nan] * (3 * self.dimension + 1) + [float(volume.sum())]
-                result += [math.nan] * 2 if self.dimension == 2 else []
+                result += [math.nan] * (4 if self.dimension == 2 else 3)
                 continue
             position = self._together(position, volume, snapshot.particle_spacing)
             total = volume.sum()
@@ -273,6 +277,9 @@ class ExtentsGauge(Gauge):
             if self.dimension == 2:
                 shape = outline(position - centroid, snapshot.particle_spacing)
                 result += [shape.circularity, shape.roundness]
+            own = volume ** (2.0 / self.dimension) / 12.0
+            moment = volume @ ((position - centroid) ** 2 + own[:, None]) / total
+            result += [*np.sqrt((self.dimension + 2) * moment)]
         return result
 
     def _together(self, position: np.ndarray, volume: np.ndarray, spacing: float) -> np.ndarray:

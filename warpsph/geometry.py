@@ -193,7 +193,8 @@ def build(case: Case, support: float, unlock: float = 0.0, arrange: Arrange | No
     problems: list[Problem] = []
 
     walls = _Walls(case, lattice)
-    walls.add_sides()
+    if case.numerics.scheme != "isph":  # there the sides are mirrors
+        walls.add_sides()
     walls.add_obstacles(problems)
     region = _regions(case, lattice, walls.solid_in_domain(), problems)
     if problems:

@@ -11,6 +11,7 @@ import warp as wp
 
 from warpsph.geometry import Geometry, build
 from warpsph.kernels import clock as ck
+from warpsph.kernels.mirror import FREE_SLIP, NO_SLIP, NO_WALL, make_sides
 from warpsph.kernels.params import make_params, make_phase
 from warpsph.kernels.smoothing import KERNELS
 from warpsph.kernels.spec import types_of
@@ -105,8 +106,17 @@ class Model:
         stiffness = np.array([p.density * c**2 / p.gamma for p, c in zip(phases, self.physics.sound_speed, strict=True)])
         gamma = np.array([p.gamma for p in phases])
         excess = np.expm1(np.log1p(np.maximum(geometry.pressure[:nf] / stiffness[phase], -0.9)) / gamma[phase])
+        if self.physics.spec.scheme == "isph":
+            excess[:] = 0.0  # incompressible
         particles.put("density_excess", excess)
         particles.put("rest_volume", geometry.volume[:nf] * (1.0 + excess))
+        if "velocity_old" in particles.arrays:
+            particles.put("velocity_old", velocity[:nf])
+            particles.put("pressure", geometry.pressure[:nf])
+            state = np.zeros((geometry.count, 2))
+            state[:, 1] = geometry.volume
+            state[:nf, 0] = geometry.pressure[:nf]
+            particles.put("state", state)
         if "phase" in particles.arrays:
             particles.put("phase", phase)
         if "wall_body" in particles.arrays:
@@ -137,11 +147,13 @@ class Model:
         params.half_box = vec(*(0.5 * b if b > 0 else 1.0e30 for b in box))
         params.gravity = vec(*map(float, case.gravity))
         params.body_force = vec(*map(float, case.body_force))
-        params.dissipation = float(physics.choices["velocity_dissipation"])
+        params.dissipation = float(physics.choices.get("velocity_dissipation", 0.0))
         params.shifting = float(physics.choices["shifting"])
         params.shift_cap = SHIFT_CAP
-        params.zeta = float(physics.choices["interface_force"])
+        params.zeta = float(physics.choices.get("interface_force", 0.0))
         params.tiny = (1.0e-6 * h) ** 2
+        params.center = vec(*map(float, case.central_force.center if case.central_force else [0.0] * d))
+        params.pull = case.central_force.rate ** 2 if case.central_force else 0.0
         Phase = make_phase(spec.precision)
         rows = []
         for name, c in zip(case.phase_names, physics.sound_speed, strict=True):
@@ -155,10 +167,11 @@ class Model:
             row.viscosity = given.viscosity
             row.impedance = given.density * c
             row.compressibility = 1.0 / (given.density * c**2)
-            row.mobility = float(physics.choices["velocity_dissipation"]) / (given.density * c)
+            row.mobility = float(physics.choices.get("velocity_dissipation", 0.0)) / (given.density * c)
             rows.append(row)
-        values = {
+        values: dict[str, Any] = {
             "params": params,
+            "sides": self._sides(),
             "phases": wp.array(rows, dtype=Phase, device=self.device),
             "tension": wp.array(physics.tension.ravel(), dtype=real, device=self.device),
             "contact_angles": wp.array(contact_matrix(case).ravel(), dtype=real, device=self.device),
@@ -185,22 +198,57 @@ class Model:
         clock[ck.MOMENTUM : ck.MOMENTUM + d] = self._mean_velocity()
         counters = np.zeros(ck.COUNTERS_SIZE, dtype=np.int32)
         counters[ck.FAULT_PARTICLE] = ck.NO_PARTICLE
-        return Stepper(
-            spec,
-            self.particles,
-            self.launcher,
-            values,
-            {
-                "lower": [low - r for low, r in zip(lower, room, strict=True)],
-                "upper": [u + r for u, r in zip(upper, room, strict=True)],
-                "periodic": spec.periodic,
-                "support": physics.support,
-                "skin": skin,
-                "width": int(width),
-            },
-            clock,
-            counters,
+        neighbour_list = {
+            "lower": [low - r for low, r in zip(lower, room, strict=True)],
+            "upper": [u + r for u, r in zip(upper, room, strict=True)],
+            "periodic": spec.periodic,
+            "support": physics.support,
+            "skin": skin,
+            "width": int(width),
+        }
+        if spec.scheme == "riemann":
+            return Stepper(spec, self.particles, self.launcher, values, neighbour_list, clock, counters)
+        from warpsph import incompressible
+        from warpsph.projection_stepper import ProjectionStepper
+
+        choices = physics.choices
+        params.shift_cap = incompressible.SHIFT_CAP
+        clock[ck.SOUND] = 0.0
+        clock[ck.SKIN] = clock[ck.FARTHEST] = 1.0e30  # the list is made anew in every step
+        values.update(
+            deferred=float(bool(choices["deferred_correction"])),
+            relaxed=int(bool(choices["relaxed_divergence"])),
+            surface_depth=float(choices["surface_offset"]) * case.spacing,
         )
+        solver = {
+            "method": choices["solver"],
+            "preconditioner": choices["preconditioner"],
+            "tolerance": choices["tolerance"],
+            "maximum_iterations": choices["maximum_iterations"],
+            "lower": lower,
+            "upper": upper,
+            "spacing": case.spacing,
+        }
+        return ProjectionStepper(
+            spec, self.particles, self.launcher, values, neighbour_list, clock, counters, solver=solver
+        )
+
+    def _sides(self) -> Any:
+        """Return where the mirrors of the domain's sides stand."""
+        spec, case, lattice = self.physics.spec, self.case, self.geometry.lattice
+        vec = types_of(spec).vec
+        sides = make_sides(spec.dimension, spec.precision)()
+        sides.lower, sides.upper = vec(*map(float, lattice.lower)), vec(*map(float, lattice.upper))
+        kinds, speeds = [], []
+        for axis in case.sides:
+            for side in (axis.lower, axis.upper):
+                wall = side.kind == "wall"
+                kinds.append((FREE_SLIP if side.wall == "free_slip" else NO_SLIP) if wall else NO_WALL)
+                speeds.append(list(side.velocity) if wall and side.velocity else [0.0] * spec.dimension)
+        sides.kind = wp.array(kinds, dtype=int, device=self.device)
+        sides.velocity = wp.array(np.array(speeds), dtype=vec, device=self.device)
+        self._kept_sides = sides  # the arrays in it live as long as this
+        return sides
 
     def _mean_velocity(self) -> np.ndarray:
         """Return the velocity of the centre of mass of the fluid, (d,) [m/s]."""
@@ -232,7 +280,8 @@ class Model:
         velocity = get("velocity").astype(np.float64)
         acceleration = np.zeros_like(velocity)
         acceleration[:nf] = get("acceleration")
-        velocity[:nf] += 0.5 * clock[ck.LAST_STEP] * acceleration[:nf]
+        if spec.scheme == "riemann":  # leapfrog: half a step behind the position
+            velocity[:nf] += 0.5 * clock[ck.LAST_STEP] * acceleration[:nf]
         phase = np.full(n, -1, dtype=np.int32)
         phase[:nf] = get("phase") if spec.multiphase else 0
         rho0 = np.array([case.phases[name].density for name in case.phase_names])

@@ -16,6 +16,7 @@ import warp as wp
 from warpsph.errors import CapacityError
 from warpsph.kernels import cells, slack
 from warpsph.kernels.clock import BAND_COUNT, make_judge
+from warpsph.kernels.mirror import code_shift, make_sides
 from warpsph.kernels.spec import Spec, types_of
 from warpsph.launch import Bindings, Launcher, Task
 from warpsph.particles import Particles
@@ -107,6 +108,10 @@ class NeighbourList:
         kinds = 2 if particles.wall_count else 1
         if cell_count * kinds >= LARGEST_LIST // 2:
             raise CapacityError("the domain has more cells than 32-bit keys can number", key="domain")
+        if spec.mirror and n >= 2 ** code_shift(spec.dimension):
+            rule = f"a list with mirror images numbers at most {2 ** code_shift(spec.dimension)} particles"
+            raise CapacityError(f"{n} particles: {rule}; make the sides of the domain periodic or open")
+        bindings.setdefault("sides", make_sides(spec.dimension, spec.precision)())
         self.key_bits = max(1, (cell_count * kinds).bit_length())
         self.cell_start = wp.zeros(cell_count * kinds + 1, dtype=int, device=device)
         self.sort_keys = wp.zeros(2 * n, dtype=int, device=device)

@@ -52,7 +52,8 @@ def smoothing_ratio(case: Case) -> float:
     given = case.numerics.smoothing_ratio
     if given != "auto":
         return float(given)
-    return PAPER_RATIO if case.numerics.formulation == "paper" else IMPROVED_RATIO
+    printed = case.numerics.formulation == "paper" and case.numerics.scheme == "riemann"
+    return PAPER_RATIO if printed else IMPROVED_RATIO
 
 
 def support_radius(case: Case) -> float:
@@ -91,7 +92,10 @@ class Physics:
 
     def estimated_step(self) -> float:
         """Return the time step to expect [s], before the flow is known."""
-        acoustic = self.choices["courant"] * self.h / (max(self.sound_speed) + self.scales["velocity"])
+        fastest = self.scales["velocity"]
+        if self.spec.scheme == "riemann":
+            fastest += max(self.sound_speed)
+        acoustic = self.choices["courant"] * self.h / fastest if fastest > 0 else math.inf
         return min(acoustic, *self.step_cap.values()) if self.step_cap else acoustic
 
 
@@ -103,14 +107,15 @@ def derive(case: Case, geometry: Geometry, row_list: bool = True) -> Physics:
         geometry: its particles.
         row_list: list layout of the device, see `Spec`.
     """
+    if case.numerics.scheme == "isph":
+        from warpsph import incompressible
+
+        return incompressible.derive(case, geometry, row_list)
     numerics = case.numerics
     paper = numerics.formulation == "paper"
     names = case.phase_names
     phases = [case.phases[name] for name in names]
-    fluid = geometry.kind == 0
-    sites = math.prod(geometry.lattice.count)
-    solid = _obstacles_inside(geometry)
-    filled = not case.has_open_sides and int(fluid.sum()) + solid >= sites
+    filled = not has_room(case, geometry)
     tension = tension_matrix(case)
     has_tension = bool((tension > 0).any())
     gravity = np.asarray(case.gravity, dtype=float)
@@ -195,6 +200,7 @@ def derive(case: Case, geometry: Geometry, row_list: bool = True) -> Physics:
         paper_star=star == "arithmetic" and len(phases) > 1,
         gravity=bool(np.any(gravity != 0)),
         body_force=bool(np.any(np.asarray(case.body_force, dtype=float) != 0)),
+        central_force=case.central_force is not None,
         shifting=float(shifting) > 0,
         volume_constraint=bool(constraint),
         momentum_constraint=corrected and all(case.periodic) and geometry.wall_count == 0,
@@ -218,6 +224,12 @@ def derive(case: Case, geometry: Geometry, row_list: bool = True) -> Physics:
         runaway=10.0 * max(max(wanted), scales["velocity"]),
         warnings=tuple(warnings),
     )
+
+
+def has_room(case: Case, geometry: Geometry) -> bool:
+    """Return whether the fluid leaves room in the domain, so that it has a free surface."""
+    solid = _obstacles_inside(geometry)
+    return case.has_open_sides or geometry.fluid_count + solid < math.prod(geometry.lattice.count)
 
 
 def check_periods(case: Case, geometry: Geometry, list_radius: float) -> None:
@@ -314,6 +326,8 @@ def flow_scales(
     seen += jump
     speed = float(np.sqrt((geometry.velocity[fluid] ** 2).sum(axis=1)).max(initial=0.0))
     wall_speed = float(np.sqrt((geometry.boundary_velocity**2).sum(axis=1)).max(initial=0.0))
+    for sides in case.sides:  # of mirrors, which are no particles
+        wall_speed = max(wall_speed, *(float(np.linalg.norm(end.velocity or 0.0)) for end in (sides.lower, sides.upper)))
     length = float(extent.min())
     driven = 0.0
     drive = float(np.linalg.norm(case.body_force))
@@ -321,7 +335,11 @@ def flow_scales(
         nu = min((p.viscosity / p.density for p in phases if p.viscosity > 0), default=0.0)
         driven = min(drive * length**2 / (8 * nu) if nu > 0 else math.inf, math.sqrt(drive * float(extent.max())))
     falling = 0.0 if filled else math.sqrt(2 * head)
-    guessed = max(speed, wall_speed, driven, falling, capillary)
+    pulled = 0.0
+    if case.central_force is not None and not filled:
+        far = float(np.linalg.norm(position - np.asarray(case.central_force.center), axis=1).max(initial=0.0))
+        pulled = case.central_force.rate * far
+    guessed = max(speed, wall_speed, driven, falling, pulled, capillary)
     scales = {
         "velocity": guessed if case.scales.velocity == "auto" else float(case.scales.velocity),
         "length": length if case.scales.length == "auto" else float(case.scales.length),

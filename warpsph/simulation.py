@@ -527,6 +527,7 @@ class Simulation:
                 "copying": self._copy_seconds,
                 "writing beside the run": writer.busy_seconds if writer is not None else 0.0,
             },
+            **self._solves(),
             "sound_speed": dict(zip(self.case.phase_names, self.physics.sound_speed, strict=True)),
             "smoothing_length": self.physics.h,
             "machine": _machine(),
@@ -534,6 +535,19 @@ class Simulation:
             "warnings": list(self.warnings),
             "errors": {entry["quantity"]: entry for entry in results},
         }
+
+    def _solves(self) -> dict[str, Any]:
+        """Return the sums over the pressure solves of an ISPH run for the summary; warn of those that failed."""
+        totals = self.model.stepper.solves()
+        if totals is None:
+            return {}
+        if totals["failures"]:
+            self.warnings.append(
+                f"{totals['failures']} of {totals['solves']} pressure solves ended above numerics.tolerance "
+                f"({totals['tolerance']:g}), the worst at a relative residual of {totals['worst_residual']:.2g}: raise "
+                "numerics.maximum_iterations, use preconditioner: multigrid, a looser tolerance or precision: float64"
+            )
+        return {"solver": totals}
 
     @contextmanager
     def _watch_signals(self) -> Iterator[None]:
@@ -612,8 +626,8 @@ def describe(case: Case) -> dict[str, Any]:
 
     Compiles and allocates nothing on a device.
     """
+    from warpsph import schemes
     from warpsph.kernels.fields import fields_of
-    from warpsph.schemes import riemann
 
     geometry = build(case, support_radius(case))
     physics = derive(case, geometry)
@@ -637,8 +651,8 @@ def describe(case: Case) -> dict[str, Any]:
             "fields": [field.name for field in fields_of(spec)],
         },
         "reasons": {**physics.reasons, "start.arrangement": geometry.arrangement_reason},
-        "stages": [{"name": stage.name, "reason": stage.reason} for stage in riemann.step(spec)],
-        "absent": [{"name": row.name, "reason": row.reason} for row in riemann.absent(spec)],
+        "stages": [{"name": stage.name, "reason": stage.reason} for stage in schemes.of(spec).step(spec)],
+        "absent": [{"name": row.name, "reason": row.reason} for row in schemes.of(spec).absent(spec)],
         "warnings": [*geometry.warnings, *physics.warnings],
     }
 

@@ -77,7 +77,11 @@ class Stepper:
         self.list = NeighbourList(particles, launcher, self.bindings, **neighbour_list)
         self._views = (self.clock.numpy(), self.counters.numpy()) if launcher.is_cpu else None
         self._graph: Any = None
+        self._allocate()
         self._bind()
+
+    def _allocate(self) -> None:
+        """Make what the scheme needs beside particles and list; the list's width is known."""
 
     def _bind(self) -> None:
         """Bind all stages; needed again whenever an array was replaced."""
@@ -133,6 +137,10 @@ class Stepper:
                     host[index] = value
                 if self._views is None:
                     array.assign(host)
+
+    def solves(self) -> dict[str, Any] | None:
+        """Return the sums over the pressure solves so far; None for a scheme that has none."""
+        return None
 
     # rebuild -------------------------------------------------------------------------------------------------------
 

@@ -38,6 +38,7 @@ domain:
   boundary: {x: wall, y: {lower: {wall: no_slip, velocity: [1, 0]}, upper: free_slip}}
 gravity: [0, -9.81]
 body_force: [1e-4, 0]
+central_force: {rate: 2, center: [0.5, 0.5]}
 phases:
   gas: {density: 1.0, viscosity: 0.005, sound_speed: auto, gamma: 1.4, background_pressure: 0}
   liquid: {density: 1000, viscosity: 0.5, sound_speed: 10}

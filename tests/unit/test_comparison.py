@@ -7,6 +7,7 @@ import pytest
 
 from warpsph.case import Case
 from warpsph.comparison import compare, format_comparison, particle_norm
+from warpsph.errors import CaseError
 from warpsph.gauges import GaugeSet
 from warpsph.output import RunFolder
 from warpsph.snapshot import FLUID, WALL, Snapshot
@@ -192,6 +193,16 @@ def test_extremes_lie_between_the_rows(run, reduce, formula, value, unit):
     assert ("there" in result["note"]) is reduce.endswith("time")
 
 
+def test_a_symmetric_peak_is_found_where_it_is():
+    """The cubic's first coefficient is rounding alone there, of which the root must not be lost."""
+    from warpsph.comparison import extreme
+
+    t = np.linspace(0.05, 0.15, 11)
+    assert extreme(t, np.sin(5 * np.pi * t), True) == pytest.approx((0.1, 1.0), rel=2e-3)
+    assert extreme(t, np.full(11, 3.0), True)[1] == pytest.approx(3.0)
+    assert extreme(t, 2 * t, False) == pytest.approx((0.05, 0.1))
+
+
 def test_extremes_are_not_taken_from_the_noise(run):
     noise = np.random.default_rng(0).normal(size=201) * 0.01
     rows = [(k / 200, 1 - (k / 200 - 0.5) ** 2 + noise[k]) for k in range(201)]
@@ -201,6 +212,74 @@ def test_extremes_are_not_taken_from_the_noise(run):
     assert abs(one(make_case({"a": {**entry, "reduce": "peak"}}), run)["error"]) < 0.003
     few = make_case({"a": {**entry, "reduce": "peak", "window": [0.5, 0.52]}})
     assert "eight rows" in one(few, run)["note"]
+
+
+def test_arithmetic_of_columns_whose_names_have_several_words(run):
+    """`highest_x gas` is part of `highest_x gas liquid`, and `gas - liquid` is arithmetic, not a name in it."""
+    heading = "time [s],highest_x gas [m],highest_x gas liquid [m],gas [m],liquid [m],gas - liquid [m],scale [kg/s]\n"
+    write_gauge(run, "size", heading + "0.0,5,70,11,13,-2,0\n1.0,5,70,11,13,-2,3\n")
+
+    def last(column):
+        result = one(make_case({"a": {"gauge": "size", "column": column, "reduce": "final", "value": 1}}), run)
+        return result["value"], result["unit"]
+
+    assert last("highest_x gas liquid - highest_x gas") == (65.0, "m")
+    assert last("2 * highest_x gas / scale") == (pytest.approx(10 / 3), "")
+    assert last("2*gas - liquid")[0] == 9.0  # not 2 * (gas - liquid)
+    entry = {"gauge": "size", "column": "highest_x gasliquid", "value": 1}
+    assert "there is no column 'highest_x gasliquid'" in one(make_case({"a": entry}), run)["note"]
+
+
+def noise_case(run, times, values, **changes):
+    rows = "".join(f"{t},{v}\n" for t, v in zip(times, values, strict=True))
+    write_gauge(run, "energy", "time [s],kinetic [J/m]\n" + rows)
+    entry = {"gauge": "energy", "column": "kinetic", "reduce": "noise", "span": 0.2, "value": 0, **changes}
+    return one(make_case({"a": {**entry, "allowed": 0.01}}), run)
+
+
+def test_noise_is_what_a_parabola_leaves(run):
+    t = np.linspace(0, 1, 101)
+    smooth = 3 - 2 * t + 5 * t**2
+    assert noise_case(run, t, smooth)["value"] == pytest.approx(0, abs=1e-12)
+    # to and fro from row to row: 21 rows and their mean take next to nothing from it
+    shaken = noise_case(run, t, smooth + 0.1 * (-1.0) ** np.arange(101))
+    assert shaken["value"] == pytest.approx(0.1, rel=0.15)
+    assert (shaken["unit"], shaken["passed"]) == ("J/m", False)
+    assert shaken["note"] == "absolute error, as the reference is 0; about parabolas of 0.2 s"
+    # what swings within a span is noise, the same swing over four spans is not
+    fast = noise_case(run, t, smooth + 0.1 * np.sin(2 * np.pi * t / 0.1))["value"]
+    slow = noise_case(run, t, smooth + 0.1 * np.sin(2 * np.pi * t / 0.8))["value"]
+    assert fast > 0.07 and slow < 2e-4
+    # the window cuts what lies before it
+    early = np.where(t < 0.3, 0.1 * (-1.0) ** np.arange(101), 0.0)
+    assert noise_case(run, t, smooth + early, window=[0.3, 1.0])["value"] == pytest.approx(0, abs=1e-12)
+
+
+def test_noise_follows_rows_that_are_not_even(run):
+    t = np.sort(np.random.default_rng(0).uniform(0, 1, 200))
+    assert noise_case(run, t, 3 - 2 * t + 5 * t**2)["value"] == pytest.approx(0, abs=1e-9)
+
+
+def test_noise_needs_rows_and_numbers(run):
+    t = np.linspace(0, 1, 101)
+    assert "eight rows within 0.05 s" in noise_case(run, t, t, span=0.05)["note"]
+    assert "a window longer than that" in noise_case(run, t, t, span=1.5)["note"]
+    assert "not a finite number" in noise_case(run, t, np.where(t > 0.5, np.nan, 1.0))["note"]
+
+
+@pytest.mark.parametrize(
+    ("reduce", "changes", "path", "rule"),
+    [
+        ("noise", {}, "reference.a.span", "noise needs a span"),
+        ("mean", {"span": 1}, "reference.a.span", "belongs to reduce: noise"),
+    ],
+)
+def test_span_belongs_to_noise(reduce, changes, path, rule):
+    entry = {"gauge": "energy", "column": "kinetic", "reduce": reduce, "value": 0, **changes}
+    with pytest.raises(CaseError) as caught:
+        make_case({"a": entry})
+    (problem,) = caught.value.problems
+    assert problem.path == path and rule in problem.rule and problem.remedy
 
 
 def test_slope_of_a_part_of_the_last_profile(run):
@@ -268,6 +347,68 @@ def test_curve_in_a_window(run):
     short = one(curve_case(run, LINE, **entry), run, end_time=0.3)
     assert short["error"] is None
     assert short["note"] == "not reached: needs t = 0.4 s, the run ended at 0.3 s"
+
+
+@pytest.mark.parametrize(
+    ("reduce", "value", "reference"),
+    # the run has 2 t and the curve 0.4 + 2 t, at 0.2, 0.3, 0.4 s
+    [
+        ("mean", 0.6, 1.0),
+        ("max", 0.8, 1.2),
+        ("min", 0.4, 0.8),
+        ("final", 0.8, 1.2),
+        ("rms", math.sqrt(1.16 / 3), math.sqrt(3.08 / 3)),
+    ],
+)
+def test_curve_and_column_reduced_in_the_same_way(run, reduce, value, reference):
+    result = one(curve_case(run, LINE, reduce=reduce, window=[0.2, 0.4], allowed=0.1), run)
+    assert (result["value"], result["reference"]) == (pytest.approx(value), pytest.approx(reference))
+    assert result["error"] == pytest.approx(value / reference - 1)  # signed
+    assert (result["unit"], result["passed"]) == ("J/m", False)
+    assert result["note"] == "over 0.2 to 0.4 s"
+    absolute = one(curve_case(run, LINE, reduce=reduce, window=[0.2, 0.4], relative_to="absolute"), run)
+    assert absolute["error"] == pytest.approx(value - reference)
+    assert absolute["note"].startswith("absolute")
+
+
+def test_periods_and_peaks_of_a_curve(run):
+    """The run swings with the period 0.4 s about its mean, the curve with 0.5 s and half the height."""
+    t = np.linspace(0, 1, 101)
+    swing = np.sin(2 * np.pi * t / 0.4)
+    write_gauge(run, "energy", "time [s],kinetic [J/m]\n" + "".join(f"{a},{b}\n" for a, b in zip(t, swing, strict=True)))
+    known = 0.25 * np.sin(2 * np.pi * t / 0.5 + 0.3)  # a factor of 2 is in the case
+    rows = "".join(f"{1000 * a},{b},\n" for a, b in zip(t, known, strict=True))
+    result = one(curve_case(run, rows, reduce="period"), run)
+    assert (result["value"], result["unit"]) == (pytest.approx(0.4, rel=1e-3), "s")
+    assert result["reference"] == pytest.approx(0.5, rel=1e-3)
+    peak = {"window": [0.05, 0.15]}
+    highest = one(curve_case(run, rows, reduce="peak", **peak), run)
+    assert (highest["value"], highest["reference"]) == (pytest.approx(1.0, rel=2e-3), pytest.approx(0.5, rel=2e-3))
+    assert highest["note"].startswith("over 0.05 to 0.15 s; at 0.1 s")
+    time = one(curve_case(run, rows, reduce="peak_time", **peak), run)
+    assert (time["value"], time["unit"]) == (pytest.approx(0.1, rel=1e-3), "s")
+    assert time["reference"] == pytest.approx(0.5 * (0.25 - 0.3 / (2 * np.pi)), rel=1e-2)
+
+
+def test_a_curve_that_does_not_cover_the_window_is_not_reduced(run):
+    """The curve ends at 0.5 s."""
+    short = one(curve_case(run, LINE, reduce="mean", window=[0.2, 0.9]), run)
+    assert short["note"] == "ref.csv does not cover the window: 0.2 to 0.5 s of it alone"
+    late = one(curve_case(run, "300,0.1,\n1000,1,\n", reduce="mean", window=[0.0, 0.9]), run)
+    assert "does not cover the window" in late["note"]
+    zero = one(curve_case(run, "0,0,\n1000,0,\n", reduce="mean"), run)
+    assert zero["error"] is None and "relative_to: absolute" in zero["note"]
+
+
+@pytest.mark.parametrize(("key", "value"), [("norm", "rms"), ("relative_to", "pointwise")])
+def test_reduce_leaves_no_room_for_norms(run, key, value):
+    with pytest.raises(CaseError) as caught:
+        curve_case(run, LINE, reduce="mean", **{key: value})
+    (problem,) = caught.value.problems
+    assert problem.path == f"reference.decay.{key}" and "with reduce" in problem.rule
+    # a resolved case, which holds all defaults, stays valid
+    case = curve_case(run, LINE, reduce="mean")
+    assert Case.from_dict(case.to_dict(defaults=True), run).reference["decay"].reduce == "mean"
 
 
 def test_an_absolute_error_is_told_in_its_unit(run):

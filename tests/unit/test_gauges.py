@@ -202,6 +202,35 @@ def test_extents_of_a_rectangle():
     assert math.isnan(row["circularity liquid"])
 
 
+def test_semi_axes_of_a_rectangle_of_cells_are_those_of_the_rectangle():
+    """An ellipse with the second moment W^2/12 of a rectangle of width W has the semi-axis 2 W/sqrt(12)."""
+    case = make_case({"size": {"type": "extents", "interval": 0.1}})
+    points = lattice(0.05)
+    inside = (np.abs(points[:, 0] - 0.2) < 0.3) & (np.abs(points[:, 1] + 0.1) < 0.2)
+    row = measure(case, make_snapshot(points[inside]))
+    assert row["semi_axis_x gas"] == pytest.approx(2 * 0.6 / math.sqrt(12))
+    assert row["semi_axis_y gas"] == pytest.approx(2 * 0.4 / math.sqrt(12))
+    assert math.isnan(row["semi_axis_x liquid"])
+
+
+def test_semi_axes_of_an_ellipse():
+    case = make_case({"size": {"type": "extents", "interval": 0.1}}, particle_spacing=0.01)
+    points = lattice(0.01)
+    points = points[np.hypot(points[:, 0] / 0.7, points[:, 1] / 0.4) < 1.0]
+    row = measure(case, make_snapshot(points, spacing=0.01))
+    assert row["semi_axis_x gas"] == pytest.approx(0.7, rel=2e-3)
+    assert row["semi_axis_y gas"] == pytest.approx(0.4, rel=2e-3)
+
+
+def test_semi_axes_of_a_box_of_cells_in_3d():
+    case = make_case({"size": {"type": "extents", "interval": 0.1}}, 3, particle_spacing=0.2)
+    axis = 0.2 * (np.arange(4) + 0.5)
+    points = np.stack(np.meshgrid(axis, axis[:3], axis[:2], indexing="ij"), axis=-1).reshape(-1, 3)
+    row = measure(case, make_snapshot(points, spacing=0.2))
+    for name, cells in zip("xyz", (4, 3, 2), strict=True):
+        assert row[f"semi_axis_{name} gas"] == pytest.approx(math.sqrt(5 / 12) * 0.2 * cells)
+
+
 def test_extents_of_a_broken_state_are_nan():
     case = make_case({"size": {"type": "extents", "interval": 0.1}})
     points = lattice(0.05)
@@ -209,6 +238,7 @@ def test_extents_of_a_broken_state_are_nan():
     row = measure(case, make_snapshot(points))
     assert math.isnan(row["front gas"]) and math.isnan(row["circularity gas"])
     assert row["area gas"] == pytest.approx(4.0)
+    assert math.isnan(row["semi_axis_y gas"])
 
 
 def test_extents_in_3d_have_a_volume_and_no_outline():

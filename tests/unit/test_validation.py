@@ -452,6 +452,7 @@ def test_spray_outside_of_the_domain_does_not_shrink_the_picture(finished):
         ("final", None, ([0.9, 1.0], [0.5, 0.5])),
         ("peak_time", None, ([0.5, 0.5], [0, 1])),
         ("period", None, None),
+        ("noise", None, None),
     ],
 )
 def test_reference_of_a_value_is_drawn_where_it_counts(reduce, window, seen):
@@ -471,6 +472,16 @@ def test_reference_of_a_value_is_drawn_where_it_counts(reduce, window, seen):
     assert len(bands) == (reduce in ("mean", "final"))
     if bands:
         assert bands[0][:, 1] == pytest.approx([0.45, 0.55])
+
+
+def test_a_long_label_takes_several_lines():
+    from warpsph.comparison import Compared
+
+    label = "highest_x gas - lowest_x gas + highest_y gas - lowest_y gas"
+    text = figures._axis(Compared("x", "g", label, "m", "value", {}))
+    assert " ".join(text.split("\n")) == "highest x gas - lowest x gas + highest y gas - lowest y gas [m]"
+    assert max(map(len, text.split("\n"))) <= 34
+    assert figures._axis(Compared("x", "g", "gas - liquid", "Pa", "value", {})) == "gas - liquid [Pa]"
 
 
 def test_pictures_are_arranged_to_fit():

@@ -1,0 +1,96 @@
+"""Projection ISPH: one step, read from top to bottom (methods B; seed 002).
+
+Predict without pressure, solve the pressure equation that makes the velocity free of divergence, correct.
+"""
+
+from __future__ import annotations
+
+from warpsph.kernels.clock import make_advance
+from warpsph.kernels.projection import (
+    make_accept,
+    make_advect,
+    make_assemble,
+    make_correct,
+    make_predict,
+    make_regularise,
+    make_settle,
+)
+from warpsph.kernels.spec import Spec
+from warpsph.kernels.surface import make_surface
+from warpsph.kernels.wall import make_wall
+from warpsph.schemes.stage import Absent, Stage
+
+
+def move(spec: Spec) -> list[Stage]:
+    """Return the stage before the neighbour list of the step."""
+    return [Stage("advect", make_advect(spec), "fluid", "moves the particles; the list is built after it")]
+
+
+def look(spec: Spec) -> list[Stage]:
+    """Return the stages that look at the new arrangement."""
+    stages = []
+    if spec.wall_no_slip and spec.walls:
+        stages.append(Stage("wall_state", make_wall(spec), "wall", "mirrored velocity of the obstacles"))
+    stages.append(Stage("predict", make_predict(spec), "fluid", "velocity without pressure; correction of the gradient"))
+    if spec.free_surface:
+        find, drop = make_surface(spec)
+        stages.append(Stage("surface", find, "fluid", "particles at the free surface, where p = 0"))
+        stages.append(Stage("fragments", drop, "fluid", "splashes of a few particles have no inside"))
+    return stages
+
+
+def equation(spec: Spec) -> list[Stage]:
+    """Return the stages that write the pressure equation down; the solver follows them."""
+    return [Stage("assemble", make_assemble(spec), "fluid", "matrix and right-hand side of the pressure equation")]
+
+
+def finish(spec: Spec) -> list[Stage]:
+    """Return the stages after the solver."""
+    stages = [
+        *take(spec),
+        Stage("regularise", make_regularise(spec), "fluid", "divergence left over, shift of the particles"),
+    ]
+    if not spec.second_order:
+        stages.append(Stage("settle", make_settle(spec), "fluid", "positions from the mean of both velocities"))
+    stages.append(advance(spec))
+    return stages
+
+
+def take(spec: Spec) -> list[Stage]:
+    """Return the stages that take the solution over: pressure, its gradient, velocity."""
+    return [
+        Stage("accept", make_accept(spec), "fluid", "pressure from the solution"),
+        Stage("correct", make_correct(spec), "fluid", "velocity free of divergence"),
+    ]
+
+
+def step(spec: Spec) -> list[Stage]:
+    """Return the stages of one time step for a `Spec`, in order, without list and solver."""
+    return [*move(spec), *look(spec), *equation(spec), *finish(spec)]
+
+
+def advance(spec: Spec) -> Stage:
+    """Return the stage that ends a step; without advancing it also prepares the first one."""
+    return Stage("advance", make_advance(spec.precision), "one", "time and next step length")
+
+
+def absent(spec: Spec) -> list[Absent]:
+    """Return what a step leaves out for a `Spec`, and why."""
+    rows = []
+    if not spec.free_surface:
+        rows.append(Absent("surface, fragments", "the fluid fills a closed or periodic domain"))
+    if not spec.mirror:
+        rows.append(Absent("mirror images", "no side of the domain is a wall"))
+    if not spec.walls:
+        rows.append(Absent("wall_state", "no obstacles"))
+    if spec.viscosity == "none":
+        rows.append(Absent("viscous term", "viscosity is zero"))
+    if not spec.gravity:
+        rows.append(Absent("gravity", "gravity is zero"))
+    if not spec.shifting:
+        rows.append(Absent("shift", "numerics.shifting is 0"))
+    if spec.second_order:
+        rows.append(Absent("settle", "BDF2 moves the particles with both velocities before the solve"))
+    if not any(spec.periodic):
+        rows.append(Absent("periodic images", "no periodic axis"))
+    return rows
