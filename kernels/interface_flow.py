@@ -31,8 +31,8 @@ def make_interface_flow(spec: Spec) -> Any:
     # Determinant of the own phase's moment: 1 inside a fluid, 0.5^d at a flat surface. Below the first the gradient fades,
     # below the second it is zero: a drop of a few particles moves as one.
     full, none = 0.3**spec.dimension, 0.15**spec.dimension
-    # of |sum_other grad W V| h, 0.3 to 0.7 at a flat interface: below, no one side faces the other phases
-    clear = 0.1
+    # |sum_other grad W V| over sum_other |grad W V|, 0.6 to 1 at a flat interface: below, no one side faces the other phases
+    clear = 0.3
 
     @wp.kernel(module="unique", enable_backward=False, module_options=SWEEP_OPTIONS)
     def interface_flow(
@@ -62,6 +62,7 @@ def make_interface_flow(spec: Spec) -> Any:
         flow = mat()
         moment = mat()
         others = vec()
+        all_others = real(0.0)
         fluid_count = particle_count - slip.shape[0]
         k = list_begin(i, list_width)
         step = list_step(particle_count)
@@ -76,6 +77,7 @@ def make_interface_flow(spec: Spec) -> Any:
                 flow += wp.outer(velocity[j] - vi, fd)
             else:
                 others += fd
+                all_others += wp.length(fd)
         if wp.static(spec.wall_no_slip):
             end += int(wall_neighbours[i]) * step
             while k < end:
@@ -94,9 +96,8 @@ def make_interface_flow(spec: Spec) -> Any:
             if determinant < real(full):
                 gradient = gradient * ((determinant - real(none)) / real(full - none))
         velocity_gradient[i] = gradient
-        others = others * params.g_norm
         strength = wp.length(others)
-        if strength * params.h > real(clear):
+        if strength > real(clear) * all_others:
             facing[i] = others / strength
         else:
             facing[i] = vec()

@@ -305,9 +305,9 @@ def test_a_whole_interface_feels_no_impact(spec, device):
 
 @pytest.mark.parametrize("spec", [FLAT, SOLID, CORRECTED])
 def test_a_disordered_interface_slides(spec, device):
-    """Only pairs at the rim of the support, of particles that see too little of the other phase, may be left."""
+    """Every pair sees a common interface, also one that just reaches across it: no impact, no friction."""
     left, alone = impact_at_interface(spec, 0.2, np.eye(spec.dimension)[0], device)
-    assert np.abs(left).max() < 0.1 * np.abs(alone).max()
+    assert np.abs(left).max() < 1e-5 * np.abs(alone).max()
 
 
 def impact_at_interface(spec, jitter, velocity, device):
