@@ -105,6 +105,7 @@ FIELDS: tuple[Field, ...] = (
     Field("pressure_gradient", "vec", "fluid", True, _projected, "Pa/m", "of the last step"),
     Field("lasting_gradient", "vec", "fluid", True, _projected, "Pa/m", "of the last two steps, without impacts"),
     Field("dilation", "real", "fluid", True, _projected, "1/s", "divergence of the velocity after the last step"),
+    Field("dilation_old", "real", "fluid", True, _projected, "1/s", "the same, one step earlier"),
     Field("correction", "mat", "fluid", False, _projected, "-", "makes gradients exact for linear fields"),
     Field("crowding", "vec", "fluid", False, _projected, "1/m", "sum of grad W V: zero on an even arrangement"),
     Field("spread", "real", "fluid", False, _projected, "-", "divergence of the positions: d inside a fluid"),

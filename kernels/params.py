@@ -29,6 +29,8 @@ def make_params(dimension: int, precision: str) -> Any:
         dissipation: real  # factor theta on the pressure difference in the star velocity [-]
         shifting: real  # shifting coefficient A [-]
         shift_cap: real  # longest shift of a step as share of h [-]
+        even_sum: real  # sum W V on an even arrangement [-]
+        feedback: real  # share of an excess of sum W V that is let go in the time h/u_max [-]
         zeta: real  # interface force coefficient [-]
         tiny: real  # (1e-6 h)^2, keeps divisions by r^2 finite [m^2]
 

@@ -17,8 +17,9 @@ What the pressure equation needs to be accurate on moving particles:
   5 % of its speed where it now loses 0.4 %. An impact is over in the next step, so that the smaller one of the last two
   gradients is taken, and none if they oppose.
 - The projection is approximate: what is left of div u, and the divergence of a particle that has just stopped being part
-  of the surface, is taken out within the time tau = h/u_max, D = (1 - dt/tau) div u^n, not at once: an impulse would need
-  a pressure ~ 1/dt.
+  of the surface, is taken out within the time tau = h/(2 u_max), dD/dt = -D/tau, not at once: an impulse would need a
+  pressure ~ 1/dt.
+- Nothing else remembers the volume: where sum W V is off by more than disorder explains, it is drawn back slowly.
 - p = 0 is at the free surface, half a spacing outside of the particles that are at it: those take p = -(dx/2) n.grad p^n.
 """
 
@@ -40,6 +41,8 @@ from .viscosity import make_viscosity
 # surface it is 0.6, at a right-angled edge 0.36.
 SMALLEST_MOMENT = 0.45
 CONTACT = 0.5  # distance of a collision, in spacings: shifted particles of a flow stay farther apart
+MOST_SHIFT = 0.5  # of A |grad u| dt
+UNSURE = 0.02  # deviation of sum W V from that of a lattice that disorder alone can make
 PAIRING = 0.2  # extra weight (W/W(dx))^4 of near particles in the shift: sum grad W alone is even for pairs (Lind 2012)
 TOUCH = 0.75  # distance from a wall particle at which a particle of the surface stops, in spacings; a resting row has 1
 CLOSEST = 0.4  # distance to which a particle may come to a wall, in spacings; a resting row has 0.5
@@ -67,7 +70,7 @@ def make_weights(second_order: bool) -> Any:
 
 @functools.cache
 def make_advect(spec: Spec) -> Any:
-    """Return the kernel that moves the fluid to the positions of the step, and watches speed and faults."""
+    """Return the kernel that moves the fluid to the positions of the step."""
     real, vec, _, _ = types_of(spec)
     Params = make_params(spec.dimension, spec.precision)
     Sides = make_sides(spec.dimension, spec.precision)
@@ -77,7 +80,6 @@ def make_advect(spec: Spec) -> Any:
     @wp.kernel(module="unique", enable_backward=False)
     def advect(
         first: int,
-        slot: int,
         params: Params,
         sides: Sides,
         clock: wp.array(dtype=wp.float64),
@@ -88,8 +90,6 @@ def make_advect(spec: Spec) -> Any:
         velocity_old: wp.array(dtype=vec),
         offset: wp.array(dtype=vec),
         position: wp.array(dtype=vec),
-        maxima: wp.array(dtype=real),
-        faults: wp.array(dtype=int),
     ):
         i = wp.tid() + first
         v = velocity[i]
@@ -122,11 +122,6 @@ def make_advect(spec: Spec) -> Any:
             velocity_old[i] = old
         offset[i] = way
         position[i] = x
-        v2 = wp.dot(v, v)
-        limit = real(clock[RUNAWAY])
-        # NaN fails every comparison
-        if not (v2 < limit * limit and wp.dot(x, x) < real(1.0e30)):
-            wp.atomic_min(faults, slot, i)
 
     return advect
 
@@ -135,8 +130,9 @@ def make_advect(spec: Spec) -> Any:
 def make_predict(spec: Spec) -> Any:
     """Return the sweep that finds what a neighbourhood looks like and the velocity u* without pressure.
 
-    Writes the correction L, the gradient of the concentration sum [1 + 0.2 (W/W(dx))^4] grad W V, the divergence of the
-    positions sum (x_j - x_i).grad W V, the outward normal, and u*.
+    It also watches for faults. Writes the correction L, the gradient of the concentration
+    sum [1 + 0.2 (W/W(dx))^4] grad W V, the divergence of the positions
+    sum (x_j - x_i).grad W V, the outward normal, and u*.
     """
     real, vec, mat, _ = types_of(spec)
     Params = make_params(spec.dimension, spec.precision)
@@ -158,6 +154,7 @@ def make_predict(spec: Spec) -> Any:
     @wp.kernel(module="unique", enable_backward=False, module_options=SWEEP_OPTIONS)
     def predict(
         first: int,
+        slot: int,
         particle_count: int,
         list_width: int,
         params: Params,
@@ -182,6 +179,7 @@ def make_predict(spec: Spec) -> Any:
         velocity_star: wp.array(dtype=vec),
         pressure: wp.array(dtype=real),
         unknown: wp.array(dtype=real),
+        faults: wp.array(dtype=int),
     ):
         i = wp.tid() + first
         unknown[i] = pressure[i]  # the surface stage looks at the pressure around while it writes some
@@ -190,6 +188,11 @@ def make_predict(spec: Spec) -> Any:
         omega = real(weights[3])
         v_now = velocity[i]
         v_old = velocity_old[i]
+        # here, after the list has put the particles in order, their rows stay what they are to the end of the step; NaN
+        # fails every comparison
+        limit = real(clock[RUNAWAY])
+        if not (wp.dot(v_now, v_now) < limit * limit and wp.dot(xi, xi) < real(1.0e30)):
+            wp.atomic_min(faults, slot, i)
         vi = v_now + (v_now - v_old) * omega
         wrapped = bool(False)
         if wp.static(periodic):
@@ -297,7 +300,7 @@ def make_assemble(spec: Spec) -> Any:
     Params = make_params(spec.dimension, spec.precision)
     Phase = make_phase(spec.precision)
     Sides = make_sides(spec.dimension, spec.precision)
-    _, slope = make_smoothing(spec.kernel, spec.precision)
+    shape, slope = make_smoothing(spec.kernel, spec.precision)
     images = make_images(spec)
     apart, image_velocity, lift = images.apart, images.image_velocity, images.lift
     list_begin, list_step = make_entry(spec.row_list)
@@ -332,6 +335,7 @@ def make_assemble(spec: Spec) -> Any:
         pressure: wp.array(dtype=real),
         lasting_gradient: wp.array(dtype=vec),
         dilation: wp.array(dtype=real),
+        dilation_old: wp.array(dtype=real),
         correction: wp.array(dtype=mat),
         spread: wp.array(dtype=real),
         matrix_columns: wp.array(dtype=int),
@@ -363,6 +367,8 @@ def make_assemble(spec: Spec) -> Any:
         beta = weights[2] * clock[STEP]
         # what gravity adds to u*: the pressure of images and walls balances it, so that it is not mirrored
         falling = params.gravity * real(beta)
+        crowd = shape(real(0.0)) * rest_volume[i]
+        full = bool(True)
         flow = mat()
         uneven = vec()  # sum of w x_ij over all neighbours
         moment = mat()
@@ -384,7 +390,9 @@ def make_assemble(spec: Spec) -> Any:
                 j = j & index_mask
             xj = position[j]
             d = apart(xi, xj, code, wrapped, params, sides)
-            f = slope(wp.sqrt(wp.dot(d, d)) * params.inv_h) * rest_volume[j]
+            q = wp.sqrt(wp.dot(d, d)) * params.inv_h
+            f = slope(q) * rest_volume[j]
+            crowd += shape(q) * rest_volume[j]
             w = weight * f
             vj = velocity_star[j]
             if wp.static(spec.mirror):
@@ -398,6 +406,7 @@ def make_assemble(spec: Spec) -> Any:
             if wp.static(spec.free_surface):
                 known = surface[j] != wp.uint8(INSIDE)
             if known:
+                full = False
                 coupling += w
                 right += w * pressure[j]
             elif j != i and w > real(0.0):
@@ -409,6 +418,7 @@ def make_assemble(spec: Spec) -> Any:
                 entry += row_step
                 count += 1
         if wp.static(spec.walls):
+            full = full and wall_neighbours[i] == wp.int16(0)
             end += int(wall_neighbours[i]) * step
             while k < end:
                 j = neighbours[k]
@@ -423,9 +433,17 @@ def make_assemble(spec: Spec) -> Any:
                     right -= w * rho * wp.dot(params.gravity, d)
         divergence = wp.trace(flow * correction[i]) * params.g_norm
         if relaxed == 1:
-            # share of the divergence that may stay for now
-            stays = wp.max(wp.float64(0.0), wp.float64(1.0) - clock[STEP] * clock[SPEED] / wp.float64(params.h))
-            divergence -= real(stays) * dilation[i]
+            # BDF2 of dD/dt = -D/tau, the right side extrapolated: stable up to dt = tau
+            rate = wp.min(wp.float64(2.0) * clock[SPEED] / wp.float64(params.h), wp.float64(1.0) / clock[STEP])
+            now = wp.float64(dilation[i])
+            old = wp.float64(dilation_old[i])
+            target = weights[0] * now - weights[1] * old - beta * rate * (now + weights[3] * (now - old))
+            divergence -= real(target)
+        if full:
+            # the volume has no memory: what is far too dense or too thin is let go apart or drawn together
+            excess = crowd * params.g_norm * params.h * params.h - params.even_sum
+            excess = excess - wp.clamp(excess, real(-UNSURE), real(UNSURE))
+            divergence -= params.feedback * real(clock[SPEED]) * params.inv_h * excess
         right -= share * (spread[i] / real(dimension)) * divergence / real(beta)
         right += deferred * wp.dot(lasting_gradient[i], uneven)
         matrix_counts[i] = wp.int16(count)
@@ -635,6 +653,7 @@ def make_regularise(spec: Spec) -> Any:
         correction: wp.array(dtype=mat),
         crowding: wp.array(dtype=vec),
         dilation: wp.array(dtype=real),
+        dilation_old: wp.array(dtype=real),
         shift: wp.array(dtype=vec),
         carried: wp.array(dtype=vec),
         maxima: wp.array(dtype=real),
@@ -688,11 +707,13 @@ def make_regularise(spec: Spec) -> Any:
         shear = (flow * correction[i]) * params.g_norm
         # a lone particle must not bring a divergence of any size into the next step
         most = real(clock[SPEED]) * params.inv_h
+        dilation_old[i] = dilation[i]
         dilation[i] = wp.clamp(wp.trace(shear), -most, most)
         if wp.static(spec.shifting):
             dt = real(clock[STEP])
             strength = wp.sqrt(wp.ddot(shear, shear)) * dt
-            dx = crowding[i] * (-params.shifting * strength * params.h * params.h)
+            # beyond half of h^2 grad C a shift overshoots what is even
+            dx = crowding[i] * (-wp.min(params.shifting * strength, real(MOST_SHIFT)) * params.h * params.h)
             if wp.static(spec.free_surface):
                 length = wp.length(outward)
                 # at the rim of the support the weight is tiny, and its square zero

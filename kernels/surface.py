@@ -80,7 +80,7 @@ def make_surface(spec: Spec) -> tuple[Any, Any]:
         i = wp.tid() + first
         share = company[i] / real(dimension)
         # in a corner of walls the own images are a quarter of the spread, and a resting particle there is no candidate
-        if share >= real(CANDIDATE) or (share >= real(CORNER) and spread[i] >= real(CANDIDATE * dimension)):
+        if share >= real(CANDIDATE) or (share >= real(CORNER) and spread[i] >= real(wp.static(CANDIDATE * dimension))):
             exposed[i] = wp.uint8(INSIDE)
             return
         if share < real(LONE):
@@ -93,7 +93,7 @@ def make_surface(spec: Spec) -> tuple[Any, Any]:
         if wp.static(periodic):
             wrapped = (int(flags[i]) & WRAPPED) != 0
         far = real(1.4142135) * params.h
-        covered = bool(False)
+        covered = wp.dot(n, n) == real(0.0)  # alike on all sides, as the middle row of three
         mean = real(0.0)
         found = real(0.0)
         k = list_begin(i, list_width)
@@ -146,7 +146,7 @@ def make_surface(spec: Spec) -> tuple[Any, Any]:
     ):
         i = wp.tid() + first
         kind = exposed[i]
-        if kind == wp.uint8(INSIDE) and company[i] < real(WHOLE * dimension):
+        if kind == wp.uint8(INSIDE) and company[i] < real(wp.static(WHOLE * dimension)):
             xi = position[i]
             wrapped = bool(False)
             if wp.static(periodic):
@@ -166,7 +166,7 @@ def make_surface(spec: Spec) -> tuple[Any, Any]:
                     d = apart(xi, position[j], code, wrapped, params, sides)
                     r2 = wp.dot(d, d)
                     within -= slope(wp.sqrt(r2) * params.inv_h) * r2
-            if within * params.g_norm * params.wall_volume < real(WITHIN * dimension):
+            if within * params.g_norm * params.wall_volume < real(wp.static(WITHIN * dimension)):
                 kind = wp.uint8(SURFACE)
                 pressure[i] = real(0.0)
         surface[i] = kind

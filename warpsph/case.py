@@ -622,6 +622,11 @@ class Numerics(CaseModel):
         "auto: 0.5 (paper: 0)",
         examples=["0.5"],
     )
+    volume_feedback: Annotated[float | _Auto, NumberRule(least=0, most=1, auto=True)] = Field(
+        default="auto",
+        description="isph: share of an excess of the density (sum W V) that is let go within h/u_max. auto: 0.1 (paper: 0)",
+        examples=["0.1"],
+    )
     solver: Annotated[Literal["auto", "cg", "bicgstab"], ChoiceRule()] = Field(
         default="auto", description="isph: solver of the pressure equation. auto: cg", examples=["cg"]
     )

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from warpsph.kernels.smoothing import KERNELS
+from warpsph.kernels.smoothing import KERNELS, make_smoothing
 from warpsph.kernels.spec import Spec
 
 if TYPE_CHECKING:
@@ -19,6 +19,21 @@ COURANT = 0.4  # time step over h / largest speed; 0.25 is no more accurate
 SHIFT_CAP = 0.05  # longest shift of a step as share of h
 # Explicit BDF2 with an extrapolated viscous term bears a third less than forward Euler.
 EXTRAPOLATED = 2.0 / 3.0
+
+
+def lattice_sum(spec: Spec, ratio: float) -> float:
+    """Return sum W V of a particle on a square or cubic lattice with h / spacing = `ratio`: 1 within a per cent."""
+    import itertools
+
+    import warp as wp
+
+    kernel, d = KERNELS[spec.kernel], spec.dimension
+    shape, _ = make_smoothing(spec.kernel, "float64")
+    reach = math.ceil(kernel.support * ratio)
+    points = np.array(list(itertools.product(range(-reach, reach + 1), repeat=d)), dtype=float)
+    q = np.linalg.norm(points, axis=1) / ratio
+    total = sum(float(shape(wp.float64(value))) for value in q[q < kernel.support])
+    return total * kernel.alpha[d - 1] / ratio**d
 
 
 def derive(case: Case, geometry: Geometry, row_list: bool) -> Physics:
@@ -57,6 +72,7 @@ def derive(case: Case, geometry: Geometry, row_list: bool) -> Physics:
     choose("relaxed_divergence", not paper, "pressure without impulses where the surface changes")
     choose("deferred_correction", not paper, "pressure equation exact for a linear pressure on any arrangement")
     choose("surface_offset", 0.0 if paper else 0.5, "the surface is half a spacing outside of its particles")
+    choose("volume_feedback", 0.0 if paper else 0.1, "keeps the volume in long runs")
     choose("courant", COURANT, "0.4 of a smoothing length a step")
     choose("solver", "cg", "the matrix is symmetric")
     choose("preconditioner", "multigrid", "its iterations do not grow with the scene")
@@ -83,7 +99,7 @@ def derive(case: Case, geometry: Geometry, row_list: bool) -> Physics:
         gravity=bool(np.any(gravity != 0)),
         body_force=bool(np.any(body != 0)),
         central_force=case.central_force is not None,
-        shifting=float(shifting) > 0,
+        shifting=float(shifting) > 0 or not filled,  # collisions at a free surface come with it
         free_surface=not filled,
         scheme="isph",
         mirror=any("wall" in (axis.lower.kind, axis.upper.kind) for axis in case.sides),

@@ -213,6 +213,8 @@ class Model:
 
         choices = physics.choices
         params.shift_cap = incompressible.SHIFT_CAP
+        params.even_sum = incompressible.lattice_sum(spec, physics.h / case.spacing)
+        params.feedback = float(choices["volume_feedback"])
         clock[ck.SOUND] = 0.0
         clock[ck.SKIN] = clock[ck.FARTHEST] = 1.0e30  # the list is made anew in every step
         values.update(

@@ -542,11 +542,15 @@ class Simulation:
         if totals is None:
             return {}
         if totals["failures"]:
-            self.warnings.append(
+            text = (
                 f"{totals['failures']} of {totals['solves']} pressure solves ended above numerics.tolerance "
                 f"({totals['tolerance']:g}), the worst at a relative residual of {totals['worst_residual']:.2g}: raise "
                 "numerics.maximum_iterations, use preconditioner: multigrid, a looser tolerance or precision: float64"
             )
+            self.warnings.append(text)
+            if self.folder is not None:
+                with suppress(OutputError):
+                    self.folder.log(f"warning: {text}")
         return {"solver": totals}
 
     @contextmanager
