@@ -13,9 +13,9 @@ to step. The printed scheme is omega = 0 (x* = x^n + dt u^n) with x^{n+1} = x^n 
 What the pressure equation needs to be accurate on moving particles:
 - Gradient and divergence are corrected to be exact for linear fields, L = [sum (x_j - x_i) (x) grad W V]^-1.
 - The Laplacian sum w_ij (p_i - p_j), w = -2 V F/rho, is symmetric, but exact for a linear p on even arrangements alone.
-  What it makes of the last gradient, grad p^n.sum w_ij (x_i - x_j), goes to the right-hand side: without it a vortex loses
-  5 % of its speed where it now loses 0.4 %. An impact is over in the next step, so that the smaller one of the last two
-  gradients is taken, and none if they oppose.
+  What it makes of the last gradient, grad p^n.sum w_ij (x_i - x_j), goes to the right-hand side: without it the pressure
+  of a drop is three times as wrong. An impact is over in the next step, so that the smaller one of the last two gradients
+  is taken, and none if they oppose.
 - The projection is approximate: what is left of div u, and the divergence of a particle that has just stopped being part
   of the surface, is taken out within the time tau = h/(2 u_max), dD/dt = -D/tau, not at once: an impulse would need a
   pressure ~ 1/dt.

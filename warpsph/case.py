@@ -607,7 +607,7 @@ class Numerics(CaseModel):
     )
     relaxed_divergence: Annotated[bool | _Auto, BeforeValidator(lambda v: _as_switch(v))] = Field(
         default="auto",
-        description="isph: take out divergence that is left over within h/u_max, not at once. auto: true (paper: false)",
+        description="isph: take out divergence that is left over within h/(2 u_max), not at once. auto: true (paper: false)",
         examples=["true"],
     )
     deferred_correction: Annotated[bool | _Auto, BeforeValidator(lambda v: _as_switch(v))] = Field(

@@ -79,7 +79,7 @@ def test_gradient_takes_in_walls_that_hold_the_fluid(device):
     for slip, mirror in (0, walls @ flow.T), (0, 0.0), (1, walls @ flow.T), (1, 0.0):
         bench = Bench(spec, x, fluids=fluids_of(1000.0), velocity=x @ flow.T, slip=slip, **options)
         bench.put("mirror_velocity", mirror)
-        bench.run(*riemann.sides(spec))
+        bench.run(*riemann.sides(bench.spec))
         beside = near(bench) & (x[:, 0] > 0.25) & (np.abs(x[:, 1]) < 0.3)
         assert beside.sum() > 8
         found.append(bench.get("velocity_gradient")[beside] - flow)
@@ -199,7 +199,7 @@ def test_rates_read_no_side_of_bulk_particles(device):
     rate, a = bench.density_rate(), bench.acceleration()
     for name in FIELDS:
         bench.put(name, np.nan)
-    bench.run(*riemann.sides(FLAT))
+    bench.run(*riemann.sides(bench.spec))
     assert 0.2 < near(bench).mean() < 0.8
     for name in FIELDS:
         np.testing.assert_array_equal(bench.get(name)[near(bench)], kept[name][near(bench)])
