@@ -9,6 +9,7 @@ from __future__ import annotations
 import dataclasses
 from typing import Any
 
+import numpy as np
 import warp as wp
 
 from warpsph.kernels import clock as ck
@@ -102,11 +103,20 @@ class ProjectionStepper(Stepper):
         self._graph = None
 
     def solves(self) -> dict[str, Any]:
-        """Return the sums over the pressure solves so far, with the method and what was asked for."""
+        """Return the sums over the pressure solves so far, what was asked for, and the divergence that is left over.
+
+        `divergence` is the root mean square of div u after the last step inside the fluid [1/s]; `divergence_h_over_u` the
+        same times h over the largest speed.
+        """
         totals = dataclasses.asdict(self.solver.totals())
         options = self.solver_options
         named = {key: options[key] for key in ("method", "preconditioner", "tolerance", "maximum_iterations")}
-        return {**named, **totals}
+        inside = self.particles.get("surface") == 0
+        left = self.particles.get("dilation")[inside].astype(float)
+        divergence = float(np.sqrt(np.mean(left**2))) if inside.any() else 0.0
+        speed = float(self.read()[0][ck.SPEED])
+        relative = divergence * float(self.bindings["params"].h) / speed if speed > 0 else 0.0
+        return {**named, **totals, "divergence": divergence, "divergence_h_over_u": relative}
 
     # start -------------------------------------------------------------------------------------------------------------
 

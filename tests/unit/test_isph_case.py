@@ -350,3 +350,20 @@ def test_a_list_that_has_to_grow(device):
     before = stepper.list.width
     assert_same(kept(whole.run()), kept(tight.run()))
     assert stepper.list.width > before and stepper.matrix.width == stepper.list.width
+
+
+# what a run tells ------------------------------------------------------------------------------------------------------
+
+
+def test_the_divergence_left_over_is_told(device):
+    """Root mean square inside the fluid; surface particles, which no equation holds, do not count."""
+    simulation = start(SPLASH, device=device)
+    simulation.run()
+    particles, told = simulation.model.particles, simulation.summary["solver"]
+    inside = particles.get("surface") == 0
+    assert 0 < inside.sum() < len(inside)
+    left = particles.get("dilation")[inside]
+    assert told["divergence"] == pytest.approx(math.sqrt((left.astype(float) ** 2).mean()), rel=1e-12)
+    h = simulation.physics.h
+    speed = np.linalg.norm(simulation.state.velocity, axis=1).max()
+    assert told["divergence_h_over_u"] == pytest.approx(told["divergence"] * h / speed, rel=0.2)
