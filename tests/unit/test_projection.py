@@ -738,3 +738,27 @@ def test_specs_of_the_bench_are_those_of_runs():
     assert spec_of(SCENES["couette"]) == channel_spec()
     assert codes_of(Stages(open_spec(), [[0.0, 0.0]], spacing=1.0).kinds) == [0]
     assert dataclasses.replace(open_spec(), dimension=3, periodic=(False,) * 3) == open_spec(3)
+
+
+@pytest.mark.parametrize("free", [True, False])
+def test_a_free_fluid_holds_little_tension(free, device):
+    """-0.5 rho u_max^2 is the least pressure with a free surface; a closed box knows its pressure up to a constant."""
+    x = cloud(2)
+    spec = open_spec(2, "float64") if free else dataclasses.replace(open_spec(2, "float64"), free_surface=False)
+    bench = Stages(
+        spec, x, spacing=SPACING, fluids=(WATER,), velocity=np.zeros_like(x), lower=0.0, upper=2.0, width=300, device=device,
+        **STEP,
+    )  # fmt: skip
+    bench.look()
+    bench.set_clock(SPEED=2.0)
+    wanted = np.linspace(-5.0, 5.0, len(x)) * WATER.density
+    bench.put("unknown", wanted)
+    bench.put("pressure", 7.0)
+    accept, _ = isph.take(spec)
+    bench.run(accept)
+    inside = bench.get("surface") == INSIDE
+    least = -0.5 * WATER.density * 4.0 if free else -np.inf
+    rows = inside if free else np.ones(len(x), dtype=bool)
+    np.testing.assert_allclose(bench.get("pressure")[rows], np.maximum(wanted, least)[rows])
+    if free:
+        assert (wanted[inside] < least).any() and (bench.get("pressure")[~inside] == 7.0).all()
