@@ -1,7 +1,7 @@
 """What each choice of projection ISPH is worth: error against seconds of its variants, on the same runs.
 
     python scripts/isph_variants.py                      # CPU, minutes
-    python scripts/isph_variants.py --device cuda:0 --json benchmarks/isph_variants.json
+    python scripts/isph_variants.py --threads 2 --json benchmarks/isph_variants_cpu.json
 
 Each row is one variant, the default with one choice changed, or the printed scheme; each pair of columns one case. Errors
 are those of the `reference` section of the case file that the column names. A run that diverged shows when it did.
