@@ -726,7 +726,7 @@ def make_regularise(spec: Spec) -> Any:
             if wp.static(spec.free_surface):
                 length = wp.length(outward)
                 # at the rim of the support the weight is tiny, and its square zero
-                if length > real(1.0e-6) * shape(real(0.0)) and wp.static(spec.tangential):
+                if length > real(1.0e-6) * shape(real(0.0)):
                     n = outward / length
                     dx -= n * wp.dot(dx, n)
                 if surface[i] == wp.uint8(ISOLATED):

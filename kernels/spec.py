@@ -47,7 +47,6 @@ class Spec:
         scheme: "riemann" or "isph".
         mirror: sides of the domain are walls made of mirror images (isph).
         second_order: BDF2 in time instead of the first-order projection (isph).
-        tangential: shifts near a free surface act along it alone (isph).
         row_list: neighbour list stored particle by particle (CPU) instead of neighbour by neighbour (GPU).
     """
 
@@ -76,7 +75,6 @@ class Spec:
     scheme: str = "riemann"
     mirror: bool = False
     second_order: bool = False
-    tangential: bool = False
     row_list: bool = True
 
 

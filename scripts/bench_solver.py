@@ -26,6 +26,7 @@ import argparse
 import json
 import math
 import statistics
+import sys
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -425,7 +426,9 @@ def main() -> None:
                         flush=True,
                     )
     if arguments.json:
-        arguments.json.write_text(json.dumps({"tolerance": arguments.tolerance, "rows": rows}, indent=1))
+        command = "python scripts/bench_solver.py " + " ".join(sys.argv[1:])
+        record = {"command": command, "tolerance": arguments.tolerance, "rows": rows}
+        arguments.json.write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":

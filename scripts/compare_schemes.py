@@ -20,6 +20,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -153,7 +154,8 @@ def main() -> None:
                 print(f"{name}, {row['particles']} particles, {scheme}: {row['seconds']:.3g} s", flush=True)
     show(rows)
     if arguments.json:
-        arguments.json.write_text(json.dumps({"rows": rows}, indent=1) + "\n", encoding="utf-8")
+        command = "python scripts/compare_schemes.py " + " ".join(sys.argv[1:])
+        arguments.json.write_text(json.dumps({"command": command, "rows": rows}, indent=1) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":

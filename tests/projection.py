@@ -31,7 +31,6 @@ def open_spec(dimension=2, precision="float64", **changes):
         scheme="isph",
         mirror=True,
         second_order=True,
-        tangential=True,
     )
     return dataclasses.replace(spec, **changes)
 

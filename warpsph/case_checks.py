@@ -621,6 +621,11 @@ def _check_start(case: Any, _folder: Path | None, _raw: Any) -> _Problems:
 def _check_numerics(case: Any, _folder: Path | None, _raw: Any) -> _Problems:
     if case.numerics.scheme == "isph":
         yield from _check_isph(case)
+    other = "riemann" if case.numerics.scheme == "isph" else "isph"
+    for key in _KEYS_OF[other]:
+        if (value := getattr(case.numerics, key)) != "auto":
+            rule = f"is a choice of scheme: {other}, the case has scheme: {case.numerics.scheme}"
+            yield Problem(f"numerics.{key}", value, rule, "delete it, or write auto")
     if case.numerics.volume_constraint is True:
         for axis in AXES[: case.dimension]:
             sides = getattr(case.domain.boundary, axis)
@@ -631,6 +636,16 @@ def _check_numerics(case: Any, _folder: Path | None, _raw: Any) -> _Problems:
                     f"needs a closed or periodic domain, {axis} is open",
                     "write auto or false",
                 )
+
+
+# keys of numerics that one scheme alone reads
+_KEYS_OF = {
+    "riemann": ("star_states", "tension_form", "interface_force", "velocity_dissipation"),
+    "isph": (
+        "time_order", "relaxed_divergence", "deferred_correction", "surface_offset", "volume_feedback", "solver",
+        "preconditioner",
+    ),
+}  # fmt: skip
 
 
 def _check_isph(case: Any) -> _Problems:

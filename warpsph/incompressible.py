@@ -104,7 +104,6 @@ def derive(case: Case, geometry: Geometry, row_list: bool) -> Physics:
         scheme="isph",
         mirror=any("wall" in (axis.lower.kind, axis.upper.kind) for axis in case.sides),
         second_order=int(order) == 2,
-        tangential=not filled,
         row_list=row_list,
     )
     cap: dict[str, float] = {}

@@ -42,8 +42,6 @@ class ProjectionStepper(Stepper):
         device = launcher.device
         self.moment: Any = wp.zeros(rows, dtype=types.mat, device=device)
         preconditioner: Any = options["preconditioner"]
-        if spec.dimension == 1 and preconditioner == "multigrid":
-            preconditioner = "jacobi"
         if preconditioner == "multigrid":
             from warpsph.multigrid import Multigrid
 
@@ -95,7 +93,6 @@ class ProjectionStepper(Stepper):
         self.finish_tasks = bound(isph.finish(spec))
         accept, correct = isph.take(spec)
         self.gradient_tasks = [self._task(accept), self._task(correct, {"advancing": 0})]
-        self.start_gradient = self._task(correct, {"advancing": 0})
         self.step_tasks = [*self.move_tasks, *self.look_tasks, *self.equation_tasks, *self.finish_tasks]
         self.start_tasks, self.geometry_tasks, self._band_tasks = [], [], []
         self.rare = range(0)
@@ -132,7 +129,7 @@ class ProjectionStepper(Stepper):
         for task in self.look_tasks:
             if task.name in ("wall_state", "predict"):  # the surface stage would overwrite the start pressure
                 task.run()
-        self.start_gradient.run()
+        self.gradient_tasks[-1].run()
         self.maxima_to_clock()
 
     def _first_step(self) -> None:

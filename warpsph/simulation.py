@@ -683,6 +683,8 @@ def estimate(case: Case) -> dict[str, Any]:
         capacity = default_width(spec, physics.support, case.spacing, skin)
     entries = int(capacity)
     memory += geometry.count * entries * 4
+    if spec.scheme == "isph":  # the pressure matrix: column and value of each entry
+        memory += geometry.fluid_count * entries * (4 + width)
     dt = physics.estimated_step()
     steps = math.ceil(case.end_time / dt)
     return {

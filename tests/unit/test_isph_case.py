@@ -367,3 +367,19 @@ def test_the_divergence_left_over_is_told(device):
     h = simulation.physics.h
     speed = np.linalg.norm(simulation.state.velocity, axis=1).max()
     assert told["divergence_h_over_u"] == pytest.approx(told["divergence"] * h / speed, rel=0.2)
+
+
+@pytest.mark.parametrize("scheme", ["riemann", "isph"])
+def test_a_central_force_pulls_towards_its_centre(scheme, device):
+    """-B^2 (x - centre) in both schemes; the Riemann scheme starts with p = 0, so that nothing else acts."""
+    scene = {**DROP, "central_force": {"rate": 3.0, "center": [1.9, 2.05]}, "precision": "float64"}
+    simulation = start(scene, device=device, numerics__scheme=scheme, numerics__preconditioner="auto")
+    particles, stepper = simulation.model.particles, simulation.model.stepper
+    if scheme == "isph":
+        stepper.run(simulation.case.end_time, 1)
+        # u* - u over the first step, before any pressure
+        pull = (particles.get("velocity_star") - particles.get("velocity_old")) / stepper.read()[0][ck.LAST_STEP]
+    else:
+        pull = particles.get("acceleration")
+    position = particles.get("position")[: particles.fluid_count]
+    np.testing.assert_allclose(pull, -9.0 * (position - [1.9, 2.05]), atol=1e-9)

@@ -88,6 +88,12 @@ REFUSED = {
         "out of its plane",
         "slide",
     ),
+    "key of the other scheme": (
+        {"numerics": {"scheme": "isph", "interface_force": 0.1}}, "numerics.interface_force", "0.1", "riemann", "delete",
+    ),
+    "key of this scheme": (
+        {"numerics": {"scheme": "riemann", "time_order": 1}}, "numerics.time_order", "1", "isph", "delete",
+    ),
     "time order": ({"numerics": {"scheme": "isph", "time_order": 3}}, "numerics.time_order", "3", "", ""),
     "solver": ({"numerics": {"scheme": "isph", "solver": "gauss"}}, "numerics.solver", "gauss", "", "cg"),
     "unknown scheme": ({"numerics": {"scheme": "sph"}}, "numerics.scheme", "sph", "", "riemann"),

@@ -10,6 +10,7 @@ import warp as wp
 from tests.helpers import Fluid, lattice
 from tests.isph_scenes import SCENES, spec_of
 from tests.projection import INSIDE, ISOLATED, Stages, channel_spec, codes_of, open_spec, periodic_spec
+from warpsph.incompressible import lattice_sum
 from warpsph.kernels import clock as ck
 from warpsph.kernels.mirror import FREE_SLIP, NO_SLIP, NO_WALL
 from warpsph.kernels.projection import CLOSEST, CONTACT, LONGEST, SMALLEST_MOMENT, make_weights
@@ -762,3 +763,32 @@ def test_a_free_fluid_holds_little_tension(free, device):
     np.testing.assert_allclose(bench.get("pressure")[rows], np.maximum(wanted, least)[rows])
     if free:
         assert (wanted[inside] < least).any() and (bench.get("pressure")[~inside] == 7.0).all()
+
+
+@pytest.mark.parametrize("share", [0.9, 0.99, 1.01, 1.1])
+def test_what_is_too_dense_is_let_go(share, device):
+    """The source asks for a divergence of feedback u/h (excess of sum W V beyond 2 %), away from a surface alone."""
+    x = lattice((13, 12), SPACING, 0.0, 1, centre=False)
+    bench, _ = drop(x=x, velocity=0.0, device=device)
+    bench.look()
+    bench.set_clock(SPEED=3.0)
+    params = bench.bindings["params"]
+    volume = bench.get("rest_volume")
+    ratio, speed, feedback = bench.h / SPACING, 3.0, 0.1
+    params.even_sum, params.feedback = lattice_sum(bench.spec, ratio), 0.0
+    _, without = bench.assemble()
+    bench.put("rest_volume", volume * share)
+    params.wall_volume = params.wall_volume * share  # so that nothing else in the source changes
+    params.feedback = feedback
+    _, right = bench.assemble()
+    excess = params.even_sum * (share - 1.0)
+    excess -= np.clip(excess, -0.02, 0.02)
+    dt, last = (float(bench.clock_array.numpy()[k]) for k in (ck.STEP, ck.LAST_STEP))
+    beta = weights(bench.spec.second_order, dt, last)[2]
+    surface = x[bench.get("surface") != INSIDE]
+    apart = np.linalg.norm(x[:, None] - surface[None], axis=2).min(axis=1)
+    far, near = apart > 2.01 * bench.h, (apart < 1.9 * bench.h) & (bench.get("surface") == INSIDE)
+    assert far.sum() > 8 and near.sum() > 8
+    expected = bench.get("spread") / 2 * feedback * speed / bench.h * excess / (beta * dt)
+    np.testing.assert_allclose((right - without)[far], expected[far], rtol=1e-6, atol=1e-9)
+    np.testing.assert_allclose((right - without)[near], 0.0, atol=1e-9)
