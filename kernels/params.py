@@ -29,8 +29,9 @@ def make_params(dimension: int, precision: str) -> Any:
         dissipation: real  # factor theta on the pressure difference in the star velocity [-]
         shifting: real  # shifting coefficient A [-]
         shift_cap: real  # longest shift of a step as share of h [-]
-        even_sum: real  # sum W V on an even arrangement [-]
-        feedback: real  # share of an excess of sum W V that is let go in the time h/u_max [-]
+        per_window: real  # 1/integral of (1 - r^2/R^2)^2 over the support R [1/m^d]
+        feedback: real  # share of an excess of the density that is let go in the time h/u_max [-]
+        filter: real  # rate at which the velocity next to a free surface is smoothed, over |grad u| [-]
         zeta: real  # interface force coefficient [-]
         tiny: real  # (1e-6 h)^2, keeps divisions by r^2 finite [m^2]
 

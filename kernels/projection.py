@@ -19,8 +19,13 @@ What the pressure equation needs to be accurate on moving particles:
 - The projection is approximate: what is left of div u, and the divergence of a particle that has just stopped being part
   of the surface, is taken out within the time tau = h/(2 u_max), dD/dt = -D/tau, not at once: an impulse would need a
   pressure ~ 1/dt.
-- Nothing else remembers the volume: where sum W V is off by more than disorder explains, it is drawn back slowly.
-- p = 0 is at the free surface, half a spacing outside of the particles that are at it: those take p = -(dx/2) n.grad p^n.
+- Nothing else remembers the volume. E = sum V (1 - r^2/R^2)^2/integral - 1 over the support R is unbiased at particles
+  (+1e-4 on shifted ones, where sum W V is 6e-3 off, since a particle sees its own peak): div u is drawn to 0.1 E u_max/h.
+- p = 0 is at the free surface, outside of the particles that are at it by half of the room of their row: those take
+  p = -depth n.grad p^n, see `kernels/surface.py`.
+- Along a free surface nothing evens out what particles that join and leave it do to the velocity, and the shift has no
+  part across it. There the velocity is drawn to the linear field around, and particles that are too near are pushed
+  apart. Without that a drop in a central force loses its outline in half a period.
 """
 
 import functools
@@ -32,7 +37,7 @@ from .clock import LAST_STEP, MAXIMA, RUNAWAY, SPEED, STEP
 from .mirror import NO_WALL, code_shift, make_images, make_sides
 from .pair import WRAPPED, make_entry
 from .params import make_params, make_phase
-from .smoothing import make_smoothing
+from .smoothing import KERNELS, make_smoothing
 from .spec import SWEEP_OPTIONS, Spec, types_of
 from .surface import INSIDE, ISOLATED
 from .viscosity import make_viscosity
@@ -41,8 +46,12 @@ from .viscosity import make_viscosity
 # surface it is 0.6, at a right-angled edge 0.36.
 SMALLEST_MOMENT = 0.45
 CONTACT = 0.5  # distance of a collision, in spacings: shifted particles of a flow stay farther apart
+CROWDED = 0.85  # distance below which particles next to a free surface are pushed apart, in spacings
+PUSH = 0.25  # of A |grad u| dt, times the spacing
+MOST_PUSH = 0.1  # of |grad u| dt: beyond it a push overshoots
+MOST_FILTER = 0.5  # share of a velocity's deviation that one step may take out
 MOST_SHIFT = 0.5  # of A |grad u| dt
-UNSURE = 0.02  # deviation of sum W V from that of a lattice that disorder alone can make
+UNSURE = 0.01  # excess E that disorder alone can make: its standard deviation is 0.0037 on shifted particles
 PAIRING = 0.2  # extra weight (W/W(dx))^4 of near particles in the shift: sum grad W alone is even for pairs (Lind 2012)
 TOUCH = 0.75  # distance from a wall particle at which a particle of the surface stops, in spacings; a resting row has 1
 TENSION = 0.5  # largest, over rho u_max^2
@@ -310,6 +319,7 @@ def make_assemble(spec: Spec) -> Any:
     dimension = float(spec.dimension)
     image_bit = code_shift(spec.dimension)
     index_mask = (1 << image_bit) - 1
+    window = 1.0 / KERNELS[spec.kernel].support ** 2
 
     @wp.kernel(module="unique", enable_backward=False, module_options=SWEEP_OPTIONS)
     def assemble(
@@ -368,7 +378,7 @@ def make_assemble(spec: Spec) -> Any:
         beta = weights[2] * clock[STEP]
         # what gravity adds to u*: the pressure of images and walls balances it, so that it is not mirrored
         falling = params.gravity * real(beta)
-        crowd = shape(real(0.0)) * rest_volume[i]
+        crowd = rest_volume[i]
         full = bool(True)
         flow = mat()
         uneven = vec()  # sum of w x_ij over all neighbours
@@ -393,7 +403,8 @@ def make_assemble(spec: Spec) -> Any:
             d = apart(xi, xj, code, wrapped, params, sides)
             q = wp.sqrt(wp.dot(d, d)) * params.inv_h
             f = slope(q) * rest_volume[j]
-            crowd += shape(q) * rest_volume[j]
+            core = real(1.0) - q * q * real(window)
+            crowd += core * core * rest_volume[j]
             w = weight * f
             vj = velocity_star[j]
             if wp.static(spec.mirror):
@@ -433,18 +444,20 @@ def make_assemble(spec: Spec) -> Any:
                 if wp.static(spec.gravity):
                     right -= w * rho * wp.dot(params.gravity, d)
         divergence = wp.trace(flow * correction[i]) * params.g_norm
+        wanted = real(0.0)
+        if full:
+            excess = crowd * params.per_window - real(1.0)
+            excess = excess - wp.clamp(excess, real(-UNSURE), real(UNSURE))
+            wanted = params.feedback * real(clock[SPEED]) * params.inv_h * excess
         if relaxed == 1:
-            # BDF2 of dD/dt = -D/tau, the right side extrapolated: stable up to dt = tau
+            # BDF2 of dD/dt = -(D - wanted)/tau, the right side extrapolated: stable up to dt = tau
             rate = wp.min(wp.float64(2.0) * clock[SPEED] / wp.float64(params.h), wp.float64(1.0) / clock[STEP])
             now = wp.float64(dilation[i])
             old = wp.float64(dilation_old[i])
-            target = weights[0] * now - weights[1] * old - beta * rate * (now + weights[3] * (now - old))
-            divergence -= real(target)
-        if full:
-            # the volume has no memory: what is far too dense or too thin is let go apart or drawn together
-            excess = crowd * params.g_norm * params.h * params.h - params.even_sum
-            excess = excess - wp.clamp(excess, real(-UNSURE), real(UNSURE))
-            divergence -= params.feedback * real(clock[SPEED]) * params.inv_h * excess
+            left = now + weights[3] * (now - old) - wp.float64(wanted)
+            divergence -= real(weights[0] * now - weights[1] * old - beta * rate * left)
+        else:
+            divergence -= wanted
         right -= share * (spread[i] / real(dimension)) * divergence / real(beta)
         right += deferred * wp.dot(lasting_gradient[i], uneven)
         matrix_counts[i] = wp.int16(count)
@@ -626,7 +639,10 @@ def make_correct(spec: Spec) -> Any:
 def make_regularise(spec: Spec) -> Any:
     """Return the sweep that measures the divergence left over and finds the shift towards an even arrangement.
 
-    dx = -A |grad u| dt h^2 grad C, along the surface alone next to one; what the particle carries changes by grad u dx.
+    dx = -A |grad u| dt h^2 grad C; what the particle carries changes by grad u dx. Next to a free surface that is done along
+    it alone; across it particles nearer than CROWDED spacings are pushed apart by 0.25 A |grad u| dt dx sum (1 - r/r_0) e,
+    which is zero on an even arrangement with or without neighbours outside. And the velocity is drawn to the linear field
+    around it, du = f |grad u| dt sum W [u_j - u_i - grad u (x_j - x_i)]/sum W, f = `surface_filter`.
     With a free surface two particles that come nearer than CONTACT spacings lose their speed of approach, each one half of
     it, as in a plastic collision: in a splash no pressure acts between them.
     """
@@ -675,6 +691,11 @@ def make_regularise(spec: Spec) -> Any:
             wrapped = (int(flags[i]) & WRAPPED) != 0
         flow = mat()
         impact = vec()  # change of velocity by collisions
+        weight = shape(real(0.0))
+        others = vec()  # sum W (u_j - u_i)
+        arm = vec()  # sum W (x_i - x_j)
+        apart_sum = vec()
+        crowded = real(CROWDED) * params.spacing
         contact2 = real(CONTACT * CONTACT) * params.spacing * params.spacing
         outward = vec()  # normals of the surface near by
         if wp.static(spec.free_surface):
@@ -698,13 +719,20 @@ def make_regularise(spec: Spec) -> Any:
                 if code != 0:
                     vj = image_velocity(vj, code, sides)
             if wp.static(spec.free_surface):
+                w = shape(q)
+                weight += w
+                others += w * (vj - vi)
+                arm += w * d
+                r = wp.sqrt(r2)
+                if r < crowded and r > real(0.0):
+                    apart_sum += d * (real(1.0) / r - real(1.0) / crowded)
                 approach = wp.dot(vi - vj, d)
                 if r2 < contact2 and approach < real(0.0):
                     impact -= d * (real(0.5) * approach / (r2 + params.tiny))
             flow += wp.outer(vj - vi, (slope(q) * rest_volume[j]) * d)
             if wp.static(spec.free_surface):
                 if surface[j] != wp.uint8(INSIDE) and code == 0:
-                    outward += surface_normal[j] * shape(q)
+                    outward += surface_normal[j] * w
         if wp.static(spec.walls):
             end += int(wall_neighbours[i]) * step
             while k < end:
@@ -728,7 +756,9 @@ def make_regularise(spec: Spec) -> Any:
                 # at the rim of the support the weight is tiny, and its square zero
                 if length > real(1.0e-6) * shape(real(0.0)):
                     n = outward / length
-                    dx -= n * wp.dot(dx, n)
+                    push = real(PUSH) * params.shifting * wp.min(strength, real(MOST_PUSH)) * params.spacing
+                    dx += n * (push * wp.dot(apart_sum, n) - wp.dot(dx, n))
+                    impact += (others + shear * arm) * (wp.min(params.filter * strength, real(MOST_FILTER)) / weight)
                 if surface[i] == wp.uint8(ISOLATED):
                     dx = vec()
             length = wp.length(dx)

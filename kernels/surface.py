@@ -31,6 +31,9 @@ SPARSE = 0.75
 FLAT = 0.5
 # From here on a particle has neighbours on all sides.
 WHOLE = 0.97
+# Depth of a particle of the surface, in that of an even row.
+SHALLOWEST = 0.2
+DEEPEST = 3.0
 # Share of the spread that has to come from other particles inside: the middle row of three has 0.25 or more.
 WITHIN = 0.15
 
@@ -39,8 +42,10 @@ WITHIN = 0.15
 def make_surface(spec: Spec) -> tuple[Any, Any]:
     """Return the kernels (find_surface, drop_fragments) that flag the particles at the surface and give them their pressure.
 
-    The surface with p = 0 is `surface_depth` outside of them: p = -surface_depth n.grad p^n, but no more than the mean
-    pressure around them, which is that further inside; an isolated one has p = 0.
+    The surface with p = 0 is outside of them: p = -depth n.grad p^n, but no more than the mean pressure around them, which
+    is that further inside; an isolated one has p = 0. A crowded row is deeper below its surface than an even one, a
+    stretched one less deep: how deep follows from the spread, which is `first_row` for the outermost and `second_row` for
+    the next row of an even arrangement, half a spacing (`surface_depth`) and three times that below.
 
     A particle that is inside, but among particles of the surface alone, is part of a splash of a few. Its pressure would
     push them away and pull itself after them, faster and faster: it is counted to the surface.
@@ -62,6 +67,8 @@ def make_surface(spec: Spec) -> tuple[Any, Any]:
         particle_count: int,
         list_width: int,
         surface_depth: real,
+        first_row: real,
+        second_row: real,
         params: Params,
         sides: Sides,
         neighbours: wp.array(dtype=int),
@@ -125,7 +132,9 @@ def make_surface(spec: Spec) -> tuple[Any, Any]:
             p = real(0.0)
             if share > real(FLAT) and not covered:
                 most = wp.abs(mean) / wp.max(found, real(1.0))
-                p = wp.clamp(-surface_depth * wp.dot(n, lasting_gradient[i]), -most, most)
+                rows = real(2.0) * (spread[i] / real(dimension) - first_row) / (second_row - first_row)
+                depth = surface_depth * wp.clamp(real(1.0) + rows, real(SHALLOWEST), real(DEEPEST))
+                p = wp.clamp(-depth * wp.dot(n, lasting_gradient[i]), -most, most)
             pressure[i] = p
 
     @wp.kernel(module="unique", enable_backward=False)

@@ -7,6 +7,7 @@ import numpy as np
 import warp as wp
 
 from tests.helpers import Bench, full
+from warpsph.incompressible import row_shares
 from warpsph.kernels import surface as sf
 from warpsph.kernels.mirror import NO_WALL, code_shift, make_sides
 from warpsph.kernels.smoothing import KERNELS
@@ -131,7 +132,10 @@ class Stages(Bench):
         self.put("pressure", full(options.get("pressure", 0.0), n))
         self.matrix = EllMatrix(n, self.list.width, self.launcher, spec.precision, self.spec.row_list)
         self.moment = wp.zeros(n, dtype=mat, device=where)
+        first_row, second_row = row_shares(spec, self.h / options["spacing"])
         self.bindings.update(
+            first_row=first_row,
+            second_row=second_row,
             advancing=1,
             matrix_width=self.matrix.width,
             matrix_columns=self.matrix.columns,

@@ -618,14 +618,20 @@ class Numerics(CaseModel):
     )
     surface_offset: Annotated[float | _Auto, NumberRule(least=0, most=1, auto=True)] = Field(
         default="auto",
-        description="isph: distance from the particles at a free surface to the place where p = 0, in particle_spacing. "
-        "auto: 0.5 (paper: 0)",
+        description="isph: distance from an even row of particles at a free surface to the place where p = 0, in "
+        "particle_spacing. auto: 0.5 (paper: 0)",
         examples=["0.5"],
     )
     volume_feedback: Annotated[float | _Auto, NumberRule(least=0, most=1, auto=True)] = Field(
         default="auto",
-        description="isph: share of an excess of the density (sum W V) that is let go within h/u_max. auto: 0.1 (paper: 0)",
+        description="isph: share of an excess of the density that is let go within h/u_max. auto: 0.1 (paper: 0)",
         examples=["0.1"],
+    )
+    surface_filter: Annotated[float | _Auto, NumberRule(least=0, most=100, auto=True)] = Field(
+        default="auto",
+        description="isph: rate at which the velocity next to a free surface is drawn to the linear field around it, over "
+        "the velocity gradient. auto: 1 (paper: 0)",
+        examples=["1"],
     )
     solver: Annotated[Literal["auto", "cg", "bicgstab"], ChoiceRule()] = Field(
         default="auto", description="isph: solver of the pressure equation. auto: cg", examples=["cg"]

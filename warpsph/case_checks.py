@@ -642,8 +642,8 @@ def _check_numerics(case: Any, _folder: Path | None, _raw: Any) -> _Problems:
 _KEYS_OF = {
     "riemann": ("star_states", "tension_form", "interface_force", "velocity_dissipation"),
     "isph": (
-        "time_order", "relaxed_divergence", "deferred_correction", "surface_offset", "volume_feedback", "solver",
-        "preconditioner",
+        "time_order", "relaxed_divergence", "deferred_correction", "surface_offset", "volume_feedback", "surface_filter",
+        "solver", "preconditioner",
     ),
 }  # fmt: skip
 

@@ -116,7 +116,9 @@ def _by_phase(snapshot: Snapshot, values: np.ndarray, count: int) -> np.ndarray:
 
 
 class EnergyGauge(Gauge):
-    """Energies of the fluid [J]: kinetic, potential = -sum m g.x, elastic (see PhaseEos) and their total.
+    """Energies of the fluid [J]: kinetic, potential, elastic (see PhaseEos) and their total.
+
+    potential = sum m (-g.x + B^2 |x - c|^2/2), B and c those of a central force.
 
     Without equations of state (`eos`) the column `elastic` is left out and not part of the total.
     """
@@ -124,6 +126,7 @@ class EnergyGauge(Gauge):
     def __init__(self, name: str, spec: Any, case: Any, eos: Mapping[str, PhaseEos] | None = None) -> None:
         super().__init__(name, spec, case)
         self.gravity = np.asarray(case.gravity, np.float64)
+        self.central = case.central_force
         self.eos = eos if eos is not None else _eos_of_case(case)
 
     @property
@@ -139,7 +142,11 @@ class EnergyGauge(Gauge):
         mass = np.asarray(snapshot.mass, np.float64)
         velocity = np.asarray(snapshot.velocity, np.float64)
         kinetic = _by_phase(snapshot, 0.5 * mass * np.einsum("ij,ij->i", velocity, velocity), count)
-        potential = -_by_phase(snapshot, mass * (snapshot.position @ self.gravity), count)
+        height = -(snapshot.position @ self.gravity)
+        if self.central is not None:
+            way = snapshot.position - np.asarray(self.central.center, np.float64)
+            height = height + 0.5 * self.central.rate**2 * np.einsum("ij,ij->i", way, way)
+        potential = _by_phase(snapshot, mass * height, count)
         total = kinetic + potential
         result = [kinetic.sum(), potential.sum()]
         if self.eos:

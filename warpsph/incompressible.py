@@ -21,19 +21,34 @@ SHIFT_CAP = 0.05  # longest shift of a step as share of h
 EXTRAPOLATED = 2.0 / 3.0
 
 
-def lattice_sum(spec: Spec, ratio: float) -> float:
-    """Return sum W V of a particle on a square or cubic lattice with h / spacing = `ratio`: 1 within a per cent."""
+def window_volume(spec: Spec, h: float) -> float:
+    """Return the integral of (1 - r^2/R^2)^2 over the support R of the kernel [m^d]."""
+    reach = KERNELS[spec.kernel].support * h
+    return math.pi * reach**2 / 3.0 if spec.dimension == 2 else 32.0 * math.pi * reach**3 / 105.0
+
+
+def row_shares(spec: Spec, ratio: float) -> tuple[float, float]:
+    """Return sum V (x_j - x_i).grad_i W / d of the first and the second row below a flat surface, on a lattice.
+
+    Args:
+        spec: kernel and dimension.
+        ratio: smoothing length over spacing.
+    """
     import itertools
 
     import warp as wp
 
-    kernel, d = KERNELS[spec.kernel], spec.dimension
-    shape, _ = make_smoothing(spec.kernel, "float64")
+    kernel = KERNELS[spec.kernel]
+    _, slope = make_smoothing(spec.kernel, "float64")
     reach = math.ceil(kernel.support * ratio)
-    points = np.array(list(itertools.product(range(-reach, reach + 1), repeat=d)), dtype=float)
+    points = np.array(list(itertools.product(range(-reach, reach + 1), repeat=spec.dimension)), dtype=float)
     q = np.linalg.norm(points, axis=1) / ratio
-    total = sum(float(shape(wp.float64(value))) for value in q[q < kernel.support])
-    return total * kernel.alpha[d - 1] / ratio**d
+    near = (q > 0.0) & (q < kernel.support)
+    terms = np.array([float(slope(wp.float64(value))) * value**2 for value in q[near]])
+    height = points[near, -1]
+    scale = -kernel.alpha[spec.dimension - 1] / (ratio**spec.dimension * spec.dimension)
+    first, second = (scale * float(terms[height < above].sum()) for above in (0.5, 1.5))
+    return first, second
 
 
 def derive(case: Case, geometry: Geometry, row_list: bool) -> Physics:
@@ -73,6 +88,7 @@ def derive(case: Case, geometry: Geometry, row_list: bool) -> Physics:
     choose("deferred_correction", not paper, "pressure equation exact for a linear pressure on any arrangement")
     choose("surface_offset", 0.0 if paper else 0.5, "the surface is half a spacing outside of its particles")
     choose("volume_feedback", 0.0 if paper else 0.1, "keeps the volume in long runs")
+    choose("surface_filter", 0.0 if paper else 1.0, "keeps a free surface smooth")
     choose("courant", COURANT, "0.4 of a smoothing length a step")
     choose("solver", "cg", "the matrix is symmetric")
     choose("preconditioner", "multigrid", "its iterations do not grow with the scene")

@@ -213,14 +213,18 @@ class Model:
 
         choices = physics.choices
         params.shift_cap = incompressible.SHIFT_CAP
-        params.even_sum = incompressible.lattice_sum(spec, physics.h / case.spacing)
+        params.per_window = 1.0 / incompressible.window_volume(spec, physics.h)
         params.feedback = float(choices["volume_feedback"])
+        params.filter = float(choices["surface_filter"])
+        first_row, second_row = incompressible.row_shares(spec, physics.h / case.spacing)
         clock[ck.SOUND] = 0.0
         clock[ck.SKIN] = clock[ck.FARTHEST] = 1.0e30  # the list is made anew in every step
         values.update(
             deferred=float(bool(choices["deferred_correction"])),
             relaxed=int(bool(choices["relaxed_divergence"])),
             surface_depth=float(choices["surface_offset"]) * case.spacing,
+            first_row=first_row,
+            second_row=second_row,
         )
         solver = {
             "method": choices["solver"],

@@ -98,6 +98,14 @@ def test_energies_of_three_particles():
     assert pressed["total gas"] == pytest.approx(65.0 + pressed["elastic"])
 
 
+def test_energy_in_a_central_force():
+    """m B^2 |x - c|^2/2 beside gravity."""
+    force = {"rate": 3.0, "center": [1.0, 0.0]}
+    case = make_case({"energy": {"type": "energy", "interval": 0.1}}, gravity=[0, -10.0], central_force=force)
+    row = measure(case, make_snapshot([[0, 1], [3, 4]], mass=np.array([2.0, 1.0])))
+    assert row["potential"] == pytest.approx(2 * (10 * 1 + 4.5 * 2) + (10 * 4 + 4.5 * 20))
+
+
 @pytest.mark.parametrize("gamma", [1.0, 1.4, 7.0])
 @pytest.mark.parametrize("background", [0.0, 5.0])
 @pytest.mark.parametrize("end", [0.5, 0.97, 1.02, 1.5])

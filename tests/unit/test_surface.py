@@ -217,6 +217,26 @@ def test_pressure_at_a_surface(dimension, device):
     np.testing.assert_array_equal(bench.get("pressure")[~inside], 0.0)
 
 
+def test_a_crowded_or_stretched_row_knows_its_depth(device):
+    """A plane cuts an even, slightly disordered cloud in any direction: the depth of its outermost particles below the plane
+    is half a spacing on average alone, and is known better from what they see."""
+    errors, constant = [], []
+    for angle in np.linspace(0.0, 0.7, 8):
+        x = lattice((41, 41), SPACING, 0.1, int(100 * angle)) @ np.array(
+            [[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]
+        )
+        x = x[(np.abs(x[:, 0]) < 1.2) & (x[:, 1] > -1.0) & (x[:, 1] < 0.5)]
+        pressure = 8.0 * (0.5 - x[:, 1])
+        bench = Stages(open_spec(), x, spacing=SPACING, surface_depth=0.5 * SPACING, pressure=pressure, device=device)
+        bench.put("lasting_gradient", (0.0, -8.0))
+        bench.look()
+        flat = (np.abs(x[:, 0]) < 0.7) & (x[:, 1] > 0.5 - 2.5 * SPACING) & (bench.get("surface") == SURFACE)
+        errors.extend((bench.get("pressure") - pressure)[flat] / (8.0 * SPACING))
+        constant.extend((0.5 * SPACING - (0.5 - x[:, 1]))[flat] / SPACING)
+    assert len(errors) > 60
+    assert np.std(errors) < 0.75 * np.std(constant) and abs(np.mean(errors)) < 0.1
+
+
 def test_pressure_at_a_surface_is_bounded_by_that_around(device):
     """After an impact the gradient of the step before is of no use: no more than the mean of the neighbours."""
     x = block((11, 9))
