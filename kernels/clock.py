@@ -39,7 +39,9 @@ SINCE_RARE = 28  # time since the rare stages ran [s]
 RARE_WAY = 29  # way that the fastest particle may have gone since then [m]
 RARE_LIMIT = 30  # way after which they run again [m]
 RARE_CAP = 31  # time after which they run again [s]
-CLOCK_SIZE = 32
+VISCOUS_STEP = 32  # longest step of explicit viscosity, always allowed where it is implicit [s]
+CHANGE = 33  # change of the velocity in a step over the largest speed beyond it [-]; 0 where it is explicit
+CLOCK_SIZE = 34
 
 # counters: int32
 STEPS = 0
@@ -64,6 +66,7 @@ RETRY = 8  # rebuilds after which a useless check is tried again
 MAXIMA = 4  # per thread: speed^2, acceleration^2, displacement^2, shift^2
 SEED = 0.9
 HORIZON = 32.0  # steps that a check of the list looks ahead
+GROWTH = 1.5  # of the step where viscosity is implicit: BDF2 needs less than 2.4
 SHORTEST = 3.0  # steps that a check must last to be better than a rebuild
 
 FAULT_STATE = 1
@@ -136,6 +139,15 @@ def make_advance(precision: str) -> Any:
         dt = wp.min(clock[STEP_CAP], clock[COURANT] / (clock[SOUND] + speed))
         if acceleration > wp.float64(0.0):
             dt = wp.min(dt, clock[FORCE] / wp.sqrt(acceleration))
+        if clock[CHANGE] > wp.float64(0.0):
+            # Implicit viscosity is stable at any step. How fast the flow changes says how long one may be: a start from rest
+            # then takes steps in proportion to its age.
+            accurate = clock[VISCOUS_STEP]
+            if acceleration > wp.float64(0.0):
+                accurate = wp.max(accurate, clock[CHANGE] * speed / acceleration)
+            dt = wp.min(dt, accurate)
+            if clock[LAST_STEP] > wp.float64(0.0):
+                dt = wp.min(dt, wp.float64(GROWTH) * clock[LAST_STEP])
         # speed after the coming half kicks, and the way it may carry a particle: never more than the list can bear at once
         kick = acceleration * wp.float64(0.5) * (dt + clock[LAST_STEP])
         room = wp.float64(0.45) * clock[SKIN] - clock[SHIFT]

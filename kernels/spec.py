@@ -47,6 +47,7 @@ class Spec:
         scheme: "riemann" or "isph".
         mirror: sides of the domain are walls made of mirror images (isph).
         second_order: BDF2 in time instead of the first-order projection (isph).
+        implicit_viscosity: the viscous term is stabilised by an implicit solve (isph).
         row_list: neighbour list stored particle by particle (CPU) instead of neighbour by neighbour (GPU).
     """
 
@@ -75,6 +76,7 @@ class Spec:
     scheme: str = "riemann"
     mirror: bool = False
     second_order: bool = False
+    implicit_viscosity: bool = False
     row_list: bool = True
 
 

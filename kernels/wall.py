@@ -6,6 +6,8 @@
 Scenes of several fluids use p_w for output alone: there each fluid particle meets the wall with the one-sided state of its
 own fluid, p_i + rho_i g.(x_w - x_i), in the momentum sweep.
 
+The second-order projection takes <v> of the velocity extrapolated to the end of the step, where its viscous term is.
+
 depth is how far the wall particle is behind the surface; where it is not known (obstacles) v_mirror = 2 v_w - <v>.
 """
 
@@ -16,6 +18,7 @@ import warp as wp
 
 from .pair import make_entry, separation_of
 from .params import make_params, make_phase
+from .projection import make_weights
 from .smoothing import make_smoothing
 from .spec import SWEEP_OPTIONS, Spec, types_of
 
@@ -29,6 +32,8 @@ def make_wall(spec: Spec) -> Any:
     shape, _ = make_smoothing(spec.kernel, spec.precision)
     separation = separation_of(spec)
     list_begin, list_step = make_entry(spec.row_list)
+    extrapolated = spec.scheme == "isph" and spec.second_order
+    time_weights = make_weights(spec.second_order)
 
     @wp.kernel(module="unique", enable_backward=False, module_options=SWEEP_OPTIONS)
     def wall_state(
@@ -38,11 +43,13 @@ def make_wall(spec: Spec) -> Any:
         list_width: int,
         params: Params,
         phases: wp.array(dtype=Phase),
+        clock: wp.array(dtype=wp.float64),
         neighbours: wp.array(dtype=int),
         fluid_neighbours: wp.array(dtype=wp.int16),
         phase: wp.array(dtype=wp.int8),
         position: wp.array(dtype=vec),
         velocity: wp.array(dtype=vec),
+        velocity_old: wp.array(dtype=vec),
         rest_volume: wp.array(dtype=real),
         state: wp.array(dtype=pair),
         wall_depth: wp.array(dtype=real),
@@ -55,6 +62,9 @@ def make_wall(spec: Spec) -> Any:
         v = vec()
         weight = real(0.0)
         reach = vec()
+        omega = real(0.0)
+        if wp.static(extrapolated):
+            omega = real(time_weights(clock)[3])
         k = list_begin(i, list_width)
         step = list_step(particle_count)
         end = k + count * step
@@ -76,7 +86,10 @@ def make_wall(spec: Spec) -> Any:
             p += term * w_ij
             weight += w_ij
             if wp.static(spec.wall_no_slip):
-                v += velocity[j] * w_ij
+                v_j = velocity[j]
+                if wp.static(extrapolated):
+                    v_j = v_j + (v_j - velocity_old[j]) * omega
+                v += v_j * w_ij
                 reach += d * w_ij
         own_velocity = velocity[i]
         if weight > real(1.0e-20):

@@ -12,7 +12,7 @@ from warpsph.kernels import surface as sf
 from warpsph.kernels.mirror import NO_WALL, code_shift, make_sides
 from warpsph.kernels.smoothing import KERNELS
 from warpsph.kernels.spec import Spec, types_of
-from warpsph.linear_solver import EllMatrix
+from warpsph.linear_solver import EllMatrix, LinearSolver
 from warpsph.schemes import isph
 
 INSIDE, SURFACE, ISOLATED = sf.INSIDE, sf.SURFACE, sf.ISOLATED
@@ -137,6 +137,7 @@ class Stages(Bench):
             first_row=first_row,
             second_row=second_row,
             advancing=1,
+            component=0,
             matrix_width=self.matrix.width,
             matrix_columns=self.matrix.columns,
             matrix_values=self.matrix.values,
@@ -160,6 +161,29 @@ class Stages(Bench):
     def assemble(self):
         """Write the pressure equation down; return (matrix, right-hand side), dense, in the order of the ids."""
         self.run(*isph.equation(self.spec))
+        return self.dense(), self.get("source")
+
+    def diffusion(self, component):
+        """Write the viscous equation of a component down; return as `assemble`."""
+        self.bindings["component"] = component
+        self.run(*isph.diffuse(self.spec)[:2])
+        return self.dense(), self.get("source")
+
+    def diffuse(self, tolerance=1e-9):
+        """Replace u*, in every component, by what implicit viscosity makes of it; return it in the order of the ids."""
+        solver = LinearSolver(self.matrix, self.launcher, tolerance=tolerance)
+        solver.bind(self.particles.arrays["source"], self.particles.arrays["unknown"])
+        for component in range(self.spec.dimension):
+            self.bindings["component"] = component
+            fill, source, take = isph.diffuse(self.spec)
+            self.run(fill, source)
+            solver.record()
+            assert solver.result().converged
+            self.run(take)
+        return self.get("velocity_star")
+
+    def dense(self):
+        """Return the matrix, dense, in the order of the ids."""
         n, width = self.particles.fluid_count, self.matrix.width
         columns, values = (
             a.numpy().reshape(n, width) if self.spec.row_list else a.numpy().reshape(width, n).T
@@ -171,7 +195,7 @@ class Stages(Bench):
         for i in range(n):
             for j, value in zip(columns[i, : counts[i]], values[i, : counts[i]], strict=True):
                 dense[ids[i], ids[j]] += value
-        return dense, self.get("source")
+        return dense
 
     def gradient(self, pressure):
         """Return the pressure gradient that the correction of the velocity would take off."""

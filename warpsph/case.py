@@ -633,6 +633,12 @@ class Numerics(CaseModel):
         "the velocity gradient. auto: 1 (paper: 0)",
         examples=["1"],
     )
+    implicit_viscosity: Annotated[bool | _Auto, BeforeValidator(lambda v: _as_switch(v))] = Field(
+        default="auto",
+        description="isph: friction by an implicit solve, stable at any time step. auto: true where the limit of explicit "
+        "friction is less than half of the other limits of the step (paper: false)",
+        examples=["true"],
+    )
     solver: Annotated[Literal["auto", "cg", "bicgstab"], ChoiceRule()] = Field(
         default="auto", description="isph: solver of the pressure equation. auto: cg", examples=["cg"]
     )

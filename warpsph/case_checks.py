@@ -643,7 +643,7 @@ _KEYS_OF = {
     "riemann": ("star_states", "tension_form", "interface_force", "velocity_dissipation"),
     "isph": (
         "time_order", "relaxed_divergence", "deferred_correction", "surface_offset", "volume_feedback", "surface_filter",
-        "solver", "preconditioner",
+        "implicit_viscosity", "solver", "preconditioner",
     ),
 }  # fmt: skip
 

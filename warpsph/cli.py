@@ -638,6 +638,7 @@ def _print_plan(case: "Case") -> None:
     plan = describe(case)
     print(f"# resolved case\n{dump_yaml(plan['resolved'])}")
     _print_table("Structure", ["choice", "value"], plan["structure"].items())
+    _print_table("Chosen by auto", ["key", "why"], plan["reasons"].items())
     _print_table(
         "Stages of one step, in order",
         ["", "stage", "why"],

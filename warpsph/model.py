@@ -218,6 +218,8 @@ class Model:
         params.filter = float(choices["surface_filter"])
         first_row, second_row = incompressible.row_shares(spec, physics.h / case.spacing)
         clock[ck.SOUND] = 0.0
+        if spec.implicit_viscosity:
+            clock[ck.VISCOUS_STEP], clock[ck.CHANGE] = physics.viscous_step, incompressible.CHANGE
         clock[ck.SKIN] = clock[ck.FARTHEST] = 1.0e30  # the list is made anew in every step
         values.update(
             deferred=float(bool(choices["deferred_correction"])),

@@ -74,6 +74,7 @@ class Physics:
         scales: velocity [m/s], length [m], pressure [Pa] that the flow is expected to see.
         tension: (phases, phases) surface tension of each pair [N/m].
         step_cap: constant limits of the time step by name [s].
+        viscous_step: limit of the time step that implicit viscosity is freed from [s]; 0 where viscosity is explicit.
         runaway: speed that stops the run [m/s].
         warnings: lines for the user.
     """
@@ -89,6 +90,7 @@ class Physics:
     step_cap: dict[str, float]
     runaway: float
     warnings: tuple[str, ...]
+    viscous_step: float = 0.0
 
     def estimated_step(self) -> float:
         """Return the time step to expect [s], before the flow is known."""

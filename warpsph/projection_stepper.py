@@ -21,6 +21,7 @@ from warpsph.stepper import Stepper
 
 # Solves of the first step: the pressure equation refers to the last pressure gradient, which is not known yet.
 FIRST_PASSES = 8  # each leaves a tenth of the error
+VISCOUS_TOLERANCE = 100.0  # of the viscous equation over that of the pressure equation
 
 
 class ProjectionStepper(Stepper):
@@ -68,6 +69,15 @@ class ProjectionStepper(Stepper):
             singular=not spec.free_surface,
         )
         self.solve_task = Task("solve", self.solver.record)
+        self.viscous_solver: LinearSolver | None = None
+        if spec.implicit_viscosity:
+            # The matrix of the pressure takes the viscous one first. It is close to the identity: the diagonal will do.
+            self.viscous_solver = LinearSolver(
+                self.matrix,
+                launcher,
+                tolerance=min(VISCOUS_TOLERANCE * options["tolerance"], 0.01),
+                max_iterations=options["maximum_iterations"],
+            )
 
     def _bind(self) -> None:
         spec = self.spec
@@ -88,7 +98,7 @@ class ProjectionStepper(Stepper):
             return [self._task(stage) for stage in stages]
 
         self.move_tasks = bound(isph.move(spec))
-        self.look_tasks = bound(isph.look(spec))
+        self.look_tasks = [*bound(isph.look(spec)), *self._diffusion()]
         self.equation_tasks = [*bound(isph.equation(spec)), self.solve_task]
         self.finish_tasks = bound(isph.finish(spec))
         accept, correct = isph.take(spec)
@@ -99,13 +109,33 @@ class ProjectionStepper(Stepper):
         self.restart_clock = self._task(isph.advance(spec), {"advancing": 0})
         self._graph = None
 
+    def _diffusion(self) -> list[Task]:
+        """Return the tasks of implicit viscosity, one component after the other."""
+        solver, spec = self.viscous_solver, self.spec
+        if solver is None:
+            return []
+        arrays = self.particles.arrays
+        solver.bind(arrays["source"], arrays["unknown"])
+        fill, source, take = isph.diffuse(spec)
+        each = isph.component_wise(spec.viscosity, self.bindings["sides"].kind.numpy())
+        tasks = []
+        for component in range(spec.dimension):
+            special = {"component": component}
+            if each or component == 0:
+                tasks.append(self._task(fill, special))
+            tasks += [self._task(source, special), Task("diffusion_solve", solver.record), self._task(take, special)]
+        return tasks
+
     def solves(self) -> dict[str, Any]:
         """Return the sums over the pressure solves so far, what was asked for, and the divergence that is left over.
 
         `divergence` is the root mean square of div u after the last step inside the fluid [1/s]; `divergence_h_over_u` the
-        same times h over the largest speed.
+        same times h over the largest speed. `viscosity` holds the sums over the solves of implicit viscosity, if any.
         """
-        totals = dataclasses.asdict(self.solver.totals())
+        totals: dict[str, Any] = dataclasses.asdict(self.solver.totals())
+        if self.viscous_solver is not None:
+            solver = self.viscous_solver
+            totals["viscosity"] = {"tolerance": solver.tolerance, **dataclasses.asdict(solver.totals())}
         options = self.solver_options
         named = {key: options[key] for key in ("method", "preconditioner", "tolerance", "maximum_iterations")}
         inside = self.particles.get("surface") == 0

@@ -541,12 +541,21 @@ class Simulation:
         totals = self.model.stepper.solves()
         if totals is None:
             return {}
+        texts = []
         if totals["failures"]:
-            text = (
+            texts.append(
                 f"{totals['failures']} of {totals['solves']} pressure solves ended above numerics.tolerance "
                 f"({totals['tolerance']:g}), the worst at a relative residual of {totals['worst_residual']:.2g}: raise "
                 "numerics.maximum_iterations, use preconditioner: multigrid, a looser tolerance or precision: float64"
             )
+        viscous = totals.get("viscosity", {"failures": 0})
+        if viscous["failures"]:
+            texts.append(
+                f"{viscous['failures']} of {viscous['solves']} solves of implicit viscosity ended above a relative residual "
+                f"of {viscous['tolerance']:g}, the worst at {viscous['worst_residual']:.2g}: raise "
+                "numerics.maximum_iterations, lower numerics.maximum_step, or use precision: float64"
+            )
+        for text in texts:
             self.warnings.append(text)
             if self.folder is not None:
                 with suppress(OutputError):
@@ -686,6 +695,10 @@ def estimate(case: Case) -> dict[str, Any]:
     if spec.scheme == "isph":  # the pressure matrix: column and value of each entry
         memory += geometry.fluid_count * entries * (4 + width)
     dt = physics.estimated_step()
+    if spec.scheme == "isph":
+        from warpsph import incompressible
+
+        dt = incompressible.expected_step(case, physics)
     steps = math.ceil(case.end_time / dt)
     return {
         "particles": geometry.fluid_count,

@@ -81,6 +81,7 @@ def simulation(monkeypatch):
     module.describe = lambda case: {
         "resolved": {"dimension": case.dimension, "gravity": [0.0, 0.0]},
         "structure": {"scheme": "riemann", "dimension": 2},
+        "reasons": {"shifting": "[not] needed"},
         "stages": [{"name": "density", "reason": "continuity"}, {"name": "momentum", "reason": "[always]"}],
         "absent": [{"name": "gravity", "reason": "gravity is zero"}],
     }
@@ -307,6 +308,7 @@ def test_show_prints_the_case_and_why_each_stage_is_there(command, case, simulat
     assert "1 density continuity" in lines
     assert "2 momentum [always]" in lines  # brackets are text, not markup
     assert "gravity gravity is zero" in lines
+    assert "shifting [not] needed" in lines  # why `auto` came to what it came to
 
 
 @pytest.mark.parametrize("name", ["check", "show", "run"])

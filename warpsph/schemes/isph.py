@@ -6,6 +6,7 @@ Predict without pressure, solve the pressure equation that makes the velocity fr
 from __future__ import annotations
 
 from warpsph.kernels.clock import make_advance
+from warpsph.kernels.diffusion import component_wise, make_diffusion
 from warpsph.kernels.projection import (
     make_accept,
     make_advect,
@@ -19,6 +20,8 @@ from warpsph.kernels.spec import Spec
 from warpsph.kernels.surface import make_surface
 from warpsph.kernels.wall import make_wall
 from warpsph.schemes.stage import Absent, Stage
+
+__all__ = ["absent", "advance", "component_wise", "diffuse", "equation", "finish", "look", "move", "step", "take"]
 
 
 def move(spec: Spec) -> list[Stage]:
@@ -37,6 +40,21 @@ def look(spec: Spec) -> list[Stage]:
         stages.append(Stage("surface", find, "fluid", "particles at the free surface, where p = 0"))
         stages.append(Stage("fragments", drop, "fluid", "splashes of a few particles have no inside"))
     return stages
+
+
+def diffuse(spec: Spec) -> list[Stage]:
+    """Return the stages of implicit viscosity: matrix, right-hand side, and after the solver what takes the solution.
+
+    They run for one component of the velocity after the other; none without `implicit_viscosity`.
+    """
+    if not spec.implicit_viscosity:
+        return []
+    fill, source, take_over = make_diffusion(spec)
+    return [
+        Stage("diffusion_matrix", fill, "fluid", "viscous equation: friction at any time step"),
+        Stage("diffusion_source", source, "fluid", "its right-hand side, what the step adds to the extrapolated velocity"),
+        Stage("diffusion_take", take_over, "fluid", "velocity without pressure from its solution"),
+    ]
 
 
 def equation(spec: Spec) -> list[Stage]:
@@ -66,7 +84,7 @@ def take(spec: Spec) -> list[Stage]:
 
 def step(spec: Spec) -> list[Stage]:
     """Return the stages of one time step for a `Spec`, in order, without list and solver."""
-    return [*move(spec), *look(spec), *equation(spec), *finish(spec)]
+    return [*move(spec), *look(spec), *diffuse(spec), *equation(spec), *finish(spec)]
 
 
 def advance(spec: Spec) -> Stage:
@@ -85,6 +103,8 @@ def absent(spec: Spec) -> list[Absent]:
         rows.append(Absent("wall_state", "no obstacles"))
     if spec.viscosity == "none":
         rows.append(Absent("viscous term", "viscosity is zero"))
+    elif not spec.implicit_viscosity:
+        rows.append(Absent("implicit viscosity", "friction does not limit the step much, or the case says so"))
     if not spec.gravity:
         rows.append(Absent("gravity", "gravity is zero"))
     if not spec.shifting:
