@@ -53,7 +53,10 @@ FRESH = 22  # 1: the next iteration begins a recurrence
 SHADOW2 = 23  # shadow.shadow
 ROWS = 24  # rows that have entries
 RESIDUAL_MEAN = 25  # of r over them, rounding alone: 0 unless singular
-STATE_SIZE = 26
+SINGULAR = 26  # 1: the constant over these rows is a null vector
+PEAK2 = 27  # largest r.r since the last evaluation
+REPLACING = 28  # 1: the recurrence goes on from the residual that is evaluated next
+STATE_SIZE = 29
 
 # entries of `solve_flags`
 ACTIVE = 0  # the solve goes on
@@ -73,8 +76,17 @@ GAIN = 0.25  # of r.r that a restart must at least get down to
 AIM = 0.81
 # Lower than this, relative to where it began, the recurrence says nothing about the residual.
 REACH = {"float32": 1.0e-7, "float64": 1.0e-13}
+# Residuals of conjugate gradients grow at first, in a large system to a hundred times |b|, and the recurrence keeps the
+# rounding of the largest: its unit, relative to it. Where that counts beside the tolerance, r is evaluated as soon as it has
+# fallen to DROP of the largest, where the rounding is far below it, and the recurrence goes on with the same directions.
+UNIT = {"float32": 2.0**-24, "float64": 2.0**-53}
+COUNTS = 0.1  # share of the tolerance
+DROP = 1.0e-3
 # A row sum below this share of the diagonal is rounding of the sum that the caller built the diagonal from.
 ROUNDING = {"float32": 4.0 * 2.0**-23, "float64": 4.0 * 2.0**-52}
+# A row sum above this share couples the row to what is not in the system. Rounding of a long row stays well below: 1e-6 in
+# single precision for a hundred entries.
+COUPLED = {"float32": 1.0e-5, "float64": 1.0e-13}
 
 
 @wp.func_native("#if defined(__CUDA_ARCH__)\n__syncthreads();\n#endif\n")
@@ -203,8 +215,8 @@ class Kernels(NamedTuple):
     """Kernels of a solver. Those over rows take `first, n, chunk`; those that `decide` one block of `LANES` threads."""
 
     prepare: Any
-    measure: Any
-    decide_measure: Any
+    decide_prepare: Any
+    release: Any
     evaluate: Any
     decide_evaluate: Any
     search: Any
@@ -239,8 +251,9 @@ def make_kernels(precision: str, row_list: bool, count_type: Any) -> Kernels:
     store_sums, total_sums = make_sums(row_list)
     _, summed_product, exact_product = make_product(precision, row_list, count_type)
     list_begin, list_step = make_entry(row_list)
-    rounding = ROUNDING[precision]
+    rounding, coupled = ROUNDING[precision], COUPLED[precision]
     reach2 = REACH[precision] ** 2
+    kept2 = (UNIT[precision] / COUNTS) ** 2
     zero, one = wp.constant(wp.float64(0.0)), wp.constant(wp.float64(1.0))
 
     def kernel(function: Any) -> Any:
@@ -266,11 +279,15 @@ def make_kernels(precision: str, row_list: bool, count_type: Any) -> Kernels:
         excess: wp.array(dtype=real),
         inverse: wp.array(dtype=real),
         solution: wp.array(dtype=wp.float64),
+        sums: wp.array(dtype=wp.vec3d),
     ):
         t = wp.tid() + first
         i = t * chunk
         end = wp.min(i + chunk, n)
         step = list_step(n)
+        rhs_total = wp.float64(0.0)
+        rows = wp.float64(0.0)
+        held = wp.float64(0.0)  # rows that are coupled to what is not in the system
         while i < end:
             d = wp.float64(diagonal[i])
             total = wp.float64(d)
@@ -286,37 +303,21 @@ def make_kernels(precision: str, row_list: bool, count_type: Any) -> Kernels:
                 inv = one / d
             inverse[i] = real(inv)
             start = wp.float64(x[i])
-            if int(counts[i]) == 0 and wp.isfinite(start):
-                start = wp.float64(rhs[i]) * inv
+            if int(counts[i]) == 0:
+                if wp.isfinite(start):
+                    start = wp.float64(rhs[i]) * inv
+            else:
+                rhs_total += wp.float64(rhs[i])
+                rows += one
+                # written so that a sum that is not a number is a coupling
+                if not (wp.abs(total) <= wp.float64(wp.static(coupled)) * wp.abs(d)):
+                    held += one
             solution[i] = start
             i += 1
+        store_sums(t, rhs_total, rows, held, sums)
 
     @kernel
-    def solve_measure(
-        first: int,
-        n: int,
-        chunk: int,
-        counts: wp.array(dtype=count_type),
-        rhs: wp.array(dtype=real),
-        sums: wp.array(dtype=wp.vec3d),
-    ):
-        t = wp.tid() + first
-        i = t * chunk
-        end = wp.min(i + chunk, n)
-        total = wp.float64(0.0)
-        square = wp.float64(0.0)
-        rows = wp.float64(0.0)
-        while i < end:
-            b = wp.float64(rhs[i])
-            square += b * b
-            if int(counts[i]) > 0:
-                total += b
-                rows += one
-            i += 1
-        store_sums(t, total, square, rows, sums)
-
-    @kernel
-    def decide_measure(
+    def decide_prepare(
         first: int,
         block_count: int,
         singular: int,
@@ -327,22 +328,40 @@ def make_kernels(precision: str, row_list: bool, count_type: Any) -> Kernels:
         total = total_sums(t, block_count, sums)
         if t == 0:
             mean = zero
-            square = total[1]
-            if singular == 1 and total[2] > zero:
-                mean = total[0] / total[2]
-                square = total[1] - total[0] * mean
-                # what the mean leaves of a constant is rounding
-                if square < wp.float64(1.0e-26) * total[1]:
-                    square = zero
+            null = zero
+            if total[1] > zero and (singular == 1 or total[2] == zero):
+                null = one
+                mean = total[0] / total[1]
+            solve_state[SINGULAR] = null
             solve_state[RHS_MEAN] = mean
             solve_state[SOLUTION_MEAN] = zero
             solve_state[RESIDUAL_MEAN] = zero
-            solve_state[ROWS] = wp.max(total[2], one)
-            solve_state[RHS2] = square
+            solve_state[ROWS] = wp.max(total[1], one)
             solve_state[ITERATIONS] = zero
             solve_state[RESTARTS] = zero
             solve_state[STRIKES] = zero
+            solve_state[REPLACING] = zero
             solve_state[LAST2] = wp.float64(-1.0)
+
+    @kernel
+    def solve_release(
+        first: int,
+        n: int,
+        chunk: int,
+        counts: wp.array(dtype=count_type),
+        excess: wp.array(dtype=real),
+        solve_state: wp.array(dtype=wp.float64),
+    ):
+        """No row of a singular system is coupled to anything outside, not by rounding either."""
+        t = wp.tid() + first
+        i = t * chunk
+        end = wp.min(i + chunk, n)
+        if solve_state[SINGULAR] == zero:
+            end = i
+        while i < end:
+            if int(counts[i]) > 0:
+                excess[i] = real(0.0)
+            i += 1
 
     @sweep
     def solve_evaluate(
@@ -368,10 +387,12 @@ def make_kernels(precision: str, row_list: bool, count_type: Any) -> Kernels:
         end = wp.min(i + chunk, n)
         rr = wp.float64(0.0)
         rz = wp.float64(0.0)
+        bb = wp.float64(0.0)
         while i < end:
             b = wp.float64(rhs[i])
             if int(counts[i]) > 0:
                 b -= solve_state[RHS_MEAN]
+            bb += b * b
             r = b - exact_product(i, n, width, counts, columns, values, excess, solution)
             z = real(r)
             if weight > real(0.0):
@@ -381,12 +402,13 @@ def make_kernels(precision: str, row_list: bool, count_type: Any) -> Kernels:
             rr += r * r
             rz += r * wp.float64(z)
             i += 1
-        store_sums(t, rr, rz, zero, sums)
+        store_sums(t, rr, rz, bb, sums)
 
     @kernel
     def decide_evaluate(
         first: int,
         block_count: int,
+        scaled_is_final: int,
         sums: wp.array(dtype=wp.vec3d),
         solve_state: wp.array(dtype=wp.float64),
         solve_flags: wp.array(dtype=int),
@@ -395,7 +417,12 @@ def make_kernels(precision: str, row_list: bool, count_type: Any) -> Kernels:
         total = total_sums(t, block_count, sums)
         if t == 0:
             rr = total[0]
-            bb = solve_state[RHS2]
+            bb = total[2]
+            mean = solve_state[RHS_MEAN]
+            # what the mean leaves of a constant is rounding
+            if bb < wp.float64(1.0e-26) * solve_state[ROWS] * mean * mean:
+                bb = zero
+            solve_state[RHS2] = bb
             last = solve_state[LAST2]
             tolerance = solve_state[TOLERANCE]
             goal = tolerance * tolerance * bb
@@ -405,7 +432,8 @@ def make_kernels(precision: str, row_list: bool, count_type: Any) -> Kernels:
             if bb > zero:
                 relative = wp.sqrt(rr / bb)
             strikes = solve_state[STRIKES]
-            if last >= zero:
+            replacing = solve_state[REPLACING] > zero
+            if last >= zero and not replacing:
                 if rr > wp.float64(GAIN) * last:
                     strikes += one
                 else:
@@ -421,17 +449,25 @@ def make_kernels(precision: str, row_list: bool, count_type: Any) -> Kernels:
                 reason = STALLED
             else:
                 going = 1
-                if last >= zero:
+                if last >= zero and not replacing:
                     solve_state[RESTARTS] = solve_state[RESTARTS] + one
             solve_state[STRIKES] = strikes
             solve_state[RESIDUAL] = relative
             solve_state[REASON] = wp.float64(reason)
             solve_state[LAST2] = rr
             solve_state[RESIDUAL2] = rr
-            solve_state[RHO] = total[1]
-            solve_state[BETA] = zero
             solve_state[RESIDUAL_MEAN] = zero
-            solve_state[FRESH] = one
+            if replacing:
+                solve_state[FRESH] = zero
+                if scaled_is_final == 1:
+                    solve_state[BETA] = solve_state[BETA] * total[1] / solve_state[RHO]
+                    solve_state[RHO] = total[1]
+            else:
+                solve_state[FRESH] = one
+                solve_state[BETA] = zero
+                solve_state[RHO] = total[1]
+            solve_state[PEAK2] = rr
+            solve_state[REPLACING] = zero
             solve_state[GOAL2] = wp.max(wp.float64(AIM) * goal, wp.float64(wp.static(reach2)) * rr)
             solve_flags[ACTIVE] = going
             solve_flags[RUNNING] = going
@@ -547,7 +583,6 @@ def make_kernels(precision: str, row_list: bool, count_type: Any) -> Kernels:
     def decide_update(
         first: int,
         block_count: int,
-        singular: int,
         scaled_is_final: int,
         sums: wp.array(dtype=wp.vec3d),
         solve_state: wp.array(dtype=wp.float64),
@@ -560,11 +595,18 @@ def make_kernels(precision: str, row_list: bool, count_type: Any) -> Kernels:
             solve_state[ITERATIONS] = solve_state[ITERATIONS] + one
             solve_state[RESIDUAL2] = rr
             solve_state[FRESH] = zero
-            if singular == 1:
+            if solve_state[SINGULAR] > zero:
                 solve_state[RESIDUAL_MEAN] = total[2] / solve_state[ROWS]
+            peak = wp.max(solve_state[PEAK2], rr)
+            solve_state[PEAK2] = peak
+            tolerance = solve_state[TOLERANCE]
             # written so that a residual that is not a number ends the loop too
             if not (rr > solve_state[GOAL2]) or solve_state[ITERATIONS] >= solve_state[LIMIT]:
                 solve_flags[RUNNING] = 0
+            elif rr < wp.float64(DROP * DROP) * peak and solve_flags[RUNNING] == 1:
+                if wp.float64(wp.static(kept2)) * peak > tolerance * tolerance * solve_state[RHS2]:
+                    solve_flags[RUNNING] = 0
+                    solve_state[REPLACING] = one
             if scaled_is_final == 1:
                 solve_state[BETA] = total[1] / solve_state[RHO]
                 solve_state[RHO] = total[1]
@@ -805,10 +847,13 @@ def make_kernels(precision: str, row_list: bool, count_type: Any) -> Kernels:
         counts: wp.array(dtype=count_type),
         solution: wp.array(dtype=wp.float64),
         sums: wp.array(dtype=wp.vec3d),
+        solve_state: wp.array(dtype=wp.float64),
     ):
         t = wp.tid() + first
         i = t * chunk
         end = wp.min(i + chunk, n)
+        if solve_state[SINGULAR] == zero:
+            end = i
         total = wp.float64(0.0)
         rows = wp.float64(0.0)
         while i < end:
@@ -876,7 +921,7 @@ def make_kernels(precision: str, row_list: bool, count_type: Any) -> Kernels:
             solve_state[FAILURES] = solve_state[FAILURES] + one
 
     return Kernels(
-        solve_prepare, solve_measure, decide_measure, solve_evaluate, decide_evaluate,
+        solve_prepare, decide_prepare, solve_release, solve_evaluate, decide_evaluate,
         cg_search, cg_product, decide_alpha, cg_update, decide_update, decide_beta,
         bi_search, bi_product, decide_bi_alpha, bi_half_update, bi_second, decide_omega, bi_update, decide_bi_update,
         solution_sum, decide_solution_mean, solve_deliver, decide_end,

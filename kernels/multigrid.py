@@ -17,6 +17,10 @@ system in any precision.
 A cell or node is numbered along x first. All levels lie one after the other in the same arrays; `Level` says where. Node
 arrays have room before and after each level, so that a neighbour outside the grid, whose coupling is 0, can be read. Nodes
 without particles near have inverse 0 and value 0.
+
+Where a free surface passes through the middle of cells, the couplings d_a hold the sum of the nodes on both sides, not
+their difference, which is the slope there. Jacobi sweeps take that out slowly, the slower the wider the cells: d_a counts
+H/dx times as much as the gradient. So levels of wide cells get more pairs of sweeps, and the coarsest is solved exactly.
 """
 
 import functools
@@ -33,9 +37,16 @@ HALVE = 1
 COLLAPSE = 2  # to one node: constant along the axis
 
 
+MOST_SWEEPS = 8  # before and as many after the coarser levels
+sweep_weights = wp.types.vector(length=MOST_SWEEPS, dtype=float)
+
+
 @wp.struct
 class Level:
-    """Where a level lies. Cells and nodes per axis; wrap: periodic; way: STAY, HALVE or COLLAPSE to the next level."""
+    """Where a level lies. Cells and nodes per axis; wrap: periodic; way: STAY, HALVE or COLLAPSE to the next level.
+
+    pairs: pairs of sweeps before and after the next level; weights: of their sweeps, in this order before, reversed after.
+    """
 
     cells: wp.vec3i
     nodes: wp.vec3i
@@ -45,6 +56,8 @@ class Level:
     cell_count: int
     node_base: int
     node_count: int
+    pairs: int
+    weights: sweep_weights
 
 
 @functools.cache
@@ -146,6 +159,7 @@ def make_kernels(dimension: int, precision: str, row_list: bool, count_type: Any
     size = 3**dimension
     centre = size // 2
     three = dimension > 2
+    regular = 1.0 + {"float32": 1.0e-5, "float64": 1.0e-9}[precision]
     row_vec = wp.types.vector(length=corners, dtype=real)
     stencil_vec = wp.types.vector(length=size, dtype=real)
     level_wide = corners * corners
@@ -167,6 +181,14 @@ def make_kernels(dimension: int, precision: str, row_list: bool, count_type: Any
             return active[base + item]
         else:
             return item
+
+    @wp.func
+    def listed_count(k: int, kind: int, count: int, active_counts: wp.array(dtype=int)):
+        # cells (kind 0) or nodes (kind 1) of level k to visit
+        if wp.static(row_list):
+            return active_counts[2 * k + kind]
+        else:
+            return count
 
     @wp.func
     def element_at(level: Level, cell: int, entry: int):
@@ -541,34 +563,129 @@ def make_kernels(dimension: int, precision: str, row_list: bool, count_type: Any
     ):
         node_stencil(level, listed(wp.tid() + first, level.node_base, active_nodes), element, stencil, node_inverse)
 
+    @wp.func
+    def invert_coarsest(
+        t: int,
+        lanes: int,
+        level: Level,
+        stencil: wp.array(dtype=real),
+        node_inverse: wp.array(dtype=real),
+        work: wp.array(dtype=wp.float64),
+        inverse: wp.array(dtype=real),
+    ):
+        """Inverse of the dense operator by the sweep operator, 0 for nodes without particles near.
+
+        A part of the diagonal is added: a null vector then costs a pivot that stands out from rounding. What it makes of the
+        rest is no more than that part over the smallest eigenvalue, a hundredth.
+        """
+        m = level.node_count
+        item = int(t)
+        while item < m * m:
+            work[item] = wp.float64(0.0)
+            item += lanes
+        barrier()
+        node = int(t)
+        while node < m:
+            if node_inverse[level.node_base + node] > real(0.0):
+                at = coordinates(node, level.nodes)
+                diagonal = wp.float64(0.0)
+                for slot in range(wp.static(size)):
+                    value = wp.float64(stencil[stencil_at(level, node, slot)])
+                    if slot == wp.static(centre):
+                        diagonal += value
+                    elif value != wp.float64(0.0):
+                        diagonal -= value
+                        jx = (at[0] + slot % 3 - 1 + level.nodes[0]) % level.nodes[0]
+                        jy = (at[1] + (slot / 3) % 3 - 1 + level.nodes[1]) % level.nodes[1]
+                        other = jy * level.nodes[0] + jx
+                        if wp.static(three):
+                            jz = (at[2] + slot / 9 - 1 + level.nodes[2]) % level.nodes[2]
+                            other += jz * level.nodes[0] * level.nodes[1]
+                        work[node * m + other] = work[node * m + other] + value
+                work[node * m + node] = work[node * m + node] + diagonal * wp.float64(wp.static(regular))
+            node += lanes
+        barrier()
+        k = int(0)
+        while k < m:
+            pivot = work[k * m + k]
+            if node_inverse[level.node_base + k] > real(0.0) and pivot > wp.float64(0.0):
+                if wp.static(row_list):
+                    for i in range(m):
+                        factor = work[i * m + k] / pivot
+                        if i != k and factor != wp.float64(0.0):
+                            for j in range(m):
+                                if j != k:
+                                    work[i * m + j] = work[i * m + j] - factor * work[k * m + j]
+                else:
+                    item = int(t)
+                    while item < m * m:
+                        i = item / m
+                        j = item - i * m
+                        if i != k and j != k:
+                            work[item] = work[item] - work[i * m + k] * work[k * m + j] / pivot
+                        item += lanes
+                barrier()
+                item = int(t)
+                while item < m:
+                    if item == k:
+                        work[k * m + k] = wp.float64(-1.0) / pivot
+                    else:
+                        work[k * m + item] = work[k * m + item] / pivot
+                        work[item * m + k] = work[item * m + k] / pivot
+                    item += lanes
+            else:
+                barrier()
+                item = int(t)
+                while item < m:
+                    work[k * m + item] = wp.float64(0.0)
+                    work[item * m + k] = wp.float64(0.0)
+                    item += lanes
+            barrier()
+            k += 1
+        item = int(t)
+        while item < m * m:
+            inverse[item] = real(-work[item])
+            item += lanes
+
     @sweep_kernel
     def grid_small_setup(
         lanes: int,
         first_small: int,
         level_count: int,
         levels: wp.array(dtype=Level),
+        active_counts: wp.array(dtype=int),
+        active_cells: wp.array(dtype=int),
+        active_nodes: wp.array(dtype=int),
         element: wp.array(dtype=real),
         stencil: wp.array(dtype=real),
         node_inverse: wp.array(dtype=real),
+        coarsest_work: wp.array(dtype=wp.float64),
+        coarsest_inverse: wp.array(dtype=real),
     ):
-        """Elements and stencils of the levels from first_small on; the elements of the level before are there."""
+        """Elements and stencils of the levels from first_small on, and the inverse of the last; the elements of the level
+        before are there."""
         t = wp.tid()
         k = int(first_small)
         while k < level_count:
             level = levels[k]
             if k > 0:
                 finer = levels[k - 1]
+                count = listed_count(k, 0, level.cell_count, active_counts) * wp.static(corners)
                 item = int(t)
-                while item < level.cell_count * wp.static(corners):
-                    cell = item / wp.static(corners)
-                    coarse_element_row(finer, level, cell, item - cell * wp.static(corners), element)
+                while item < count:
+                    entry = item / wp.static(corners)
+                    cell = listed(entry, level.cell_base, active_cells)
+                    coarse_element_row(finer, level, cell, item - entry * wp.static(corners), element)
                     item += lanes
                 barrier()
-            node = int(t)
-            while node < level.node_count:
-                node_stencil(level, node, element, stencil, node_inverse)
-                node += lanes
+            count = listed_count(k, 1, level.node_count, active_counts)
+            item = int(t)
+            while item < count:
+                node_stencil(level, listed(item, level.node_base, active_nodes), element, stencil, node_inverse)
+                item += lanes
             k += 1
+        barrier()
+        invert_coarsest(t, lanes, levels[level_count - 1], stencil, node_inverse, coarsest_work, coarsest_inverse)
 
     # between particles and the finest grid ---------------------------------------------------------------------------
 
@@ -671,6 +788,7 @@ def make_kernels(dimension: int, precision: str, row_list: bool, count_type: Any
         first: int,
         n: int,
         chunk: int,
+        over: real,
         frame: Frame,
         level: Level,
         counts: wp.array(dtype=count_type),
@@ -679,7 +797,7 @@ def make_kernels(dimension: int, precision: str, row_list: bool, count_type: Any
         result: wp.array(dtype=real),
         particle_work: wp.array(dtype=real),
     ):
-        """Work = result + interpolated correction."""
+        """Work = result + over times the interpolated correction."""
         t = wp.tid() + first
         i = t * chunk
         end = wp.min(i + chunk, n)
@@ -687,8 +805,10 @@ def make_kernels(dimension: int, precision: str, row_list: bool, count_type: Any
             value = result[i]
             if int(counts[i]) > 0:
                 c, f = place(position[i], frame, level)
+                correction = real(0.0)
                 for a in range(wp.static(corners)):
-                    value += corner_weight(a, f) * node_x[level.node_base + corner_node(c, a, level)]
+                    correction += corner_weight(a, f) * node_x[level.node_base + corner_node(c, a, level)]
+                value += over * correction
             particle_work[i] = value
             i += 1
 
@@ -741,26 +861,27 @@ def make_kernels(dimension: int, precision: str, row_list: bool, count_type: Any
     def first_sweeps_of(
         level: Level,
         node: int,
-        grid_weight: real,
         stencil: wp.array(dtype=real),
         node_inverse: wp.array(dtype=real),
         node_rhs: wp.array(dtype=real),
         node_x: wp.array(dtype=real),
     ):
-        # two damped Jacobi sweeps from zero: x = w D^-1 (2 b - A w D^-1 b)
+        # two weighted Jacobi sweeps from zero: x = D^-1 ((v + w) b - v w A D^-1 b)
         at = level.node_base + node
         value = real(0.0)
         inverse = node_inverse[at]
         if inverse > real(0.0):
             image = scaled_product(level, node, stencil, node_inverse, node_rhs)
-            value = grid_weight * inverse * (real(2.0) * node_rhs[at] - grid_weight * image)
+            v = real(level.weights[0])
+            w = real(level.weights[1])
+            value = inverse * ((v + w) * node_rhs[at] - v * w * image)
         node_x[at] = value
 
     @wp.func
     def sweep_of(
         level: Level,
         node: int,
-        grid_weight: real,
+        weight: real,
         stencil: wp.array(dtype=real),
         node_inverse: wp.array(dtype=real),
         node_rhs: wp.array(dtype=real),
@@ -772,7 +893,7 @@ def make_kernels(dimension: int, precision: str, row_list: bool, count_type: Any
         inverse = node_inverse[at]
         if inverse > real(0.0):
             rest = node_rhs[at] - stencil_product(level, node, stencil, source)
-            value = source[at] + grid_weight * inverse * rest
+            value = source[at] + weight * inverse * rest
         target[at] = value
 
     @wp.func
@@ -908,14 +1029,13 @@ def make_kernels(dimension: int, precision: str, row_list: bool, count_type: Any
         first: int,
         active_nodes: wp.array(dtype=int),
         level: Level,
-        grid_weight: real,
         stencil: wp.array(dtype=real),
         node_inverse: wp.array(dtype=real),
         node_rhs: wp.array(dtype=real),
         node_x: wp.array(dtype=real),
     ):
         node = listed(wp.tid() + first, level.node_base, active_nodes)
-        first_sweeps_of(level, node, grid_weight, stencil, node_inverse, node_rhs, node_x)
+        first_sweeps_of(level, node, stencil, node_inverse, node_rhs, node_x)
 
     @sweep_kernel
     def grid_residual(
@@ -961,7 +1081,7 @@ def make_kernels(dimension: int, precision: str, row_list: bool, count_type: Any
         first: int,
         active_nodes: wp.array(dtype=int),
         level: Level,
-        grid_weight: real,
+        sweep_weight: real,
         stencil: wp.array(dtype=real),
         node_inverse: wp.array(dtype=real),
         node_rhs: wp.array(dtype=real),
@@ -969,29 +1089,34 @@ def make_kernels(dimension: int, precision: str, row_list: bool, count_type: Any
         target: wp.array(dtype=real),
     ):
         node = listed(wp.tid() + first, level.node_base, active_nodes)
-        sweep_of(level, node, grid_weight, stencil, node_inverse, node_rhs, source, target)
+        sweep_of(level, node, sweep_weight, stencil, node_inverse, node_rhs, source, target)
 
     @wp.func
     def two_sweeps(
         t: int,
         lanes: int,
+        count: int,
         level: Level,
-        grid_weight: real,
+        active_nodes: wp.array(dtype=int),
+        v: real,
+        w: real,
         stencil: wp.array(dtype=real),
         node_inverse: wp.array(dtype=real),
         node_rhs: wp.array(dtype=real),
         node_x: wp.array(dtype=real),
         node_work: wp.array(dtype=real),
     ):
-        node = int(t)
-        while node < level.node_count:
-            sweep_of(level, node, grid_weight, stencil, node_inverse, node_rhs, node_x, node_work)
-            node += lanes
+        item = int(t)
+        while item < count:
+            node = listed(item, level.node_base, active_nodes)
+            sweep_of(level, node, v, stencil, node_inverse, node_rhs, node_x, node_work)
+            item += lanes
         barrier()
-        node = int(t)
-        while node < level.node_count:
-            sweep_of(level, node, grid_weight, stencil, node_inverse, node_rhs, node_work, node_x)
-            node += lanes
+        item = int(t)
+        while item < count:
+            node = listed(item, level.node_base, active_nodes)
+            sweep_of(level, node, w, stencil, node_inverse, node_rhs, node_work, node_x)
+            item += lanes
         barrier()
 
     @sweep_kernel
@@ -999,52 +1124,72 @@ def make_kernels(dimension: int, precision: str, row_list: bool, count_type: Any
         lanes: int,
         first_small: int,
         level_count: int,
-        coarsest_sweeps: int,
-        grid_weight: real,
         levels: wp.array(dtype=Level),
+        active_counts: wp.array(dtype=int),
+        active_nodes: wp.array(dtype=int),
         stencil: wp.array(dtype=real),
         node_inverse: wp.array(dtype=real),
         node_rhs: wp.array(dtype=real),
         node_x: wp.array(dtype=real),
         node_work: wp.array(dtype=real),
+        coarsest_inverse: wp.array(dtype=real),
     ):
         """Cycle over the levels from first_small on, whose right-hand side is there, by one block."""
         t = wp.tid()
         k = int(first_small)
-        while k < level_count:
+        while k + 1 < level_count:
             level = levels[k]
-            node = int(t)
-            while node < level.node_count:
-                first_sweeps_of(level, node, grid_weight, stencil, node_inverse, node_rhs, node_x)
-                node += lanes
+            coarse = levels[k + 1]
+            count = listed_count(k, 1, level.node_count, active_counts)
+            item = int(t)
+            while item < count:
+                node = listed(item, level.node_base, active_nodes)
+                first_sweeps_of(level, node, stencil, node_inverse, node_rhs, node_x)
+                item += lanes
             barrier()
-            if k + 1 < level_count:
-                coarse = levels[k + 1]
-                node = int(t)
-                while node < level.node_count:
-                    residual_of(level, node, stencil, node_inverse, node_rhs, node_x, node_work)
-                    node += lanes
-                barrier()
-                node = int(t)
-                while node < coarse.node_count:
-                    restrict_of(level, coarse, node, node_inverse, node_work, node_rhs)
-                    node += lanes
-                barrier()
+            for pair in range(1, level.pairs):
+                v = real(level.weights[2 * pair])
+                w = real(level.weights[2 * pair + 1])
+                two_sweeps(t, lanes, count, level, active_nodes, v, w, stencil, node_inverse, node_rhs, node_x, node_work)
+            item = int(t)
+            while item < count:
+                node = listed(item, level.node_base, active_nodes)
+                residual_of(level, node, stencil, node_inverse, node_rhs, node_x, node_work)
+                item += lanes
+            barrier()
+            coarse_count = listed_count(k + 1, 1, coarse.node_count, active_counts)
+            item = int(t)
+            while item < coarse_count:
+                node = listed(item, coarse.node_base, active_nodes)
+                restrict_of(level, coarse, node, node_inverse, node_work, node_rhs)
+                item += lanes
+            barrier()
             k += 1
         k = level_count - 1
         level = levels[k]
-        for _pair in range(coarsest_sweeps):
-            two_sweeps(t, lanes, level, grid_weight, stencil, node_inverse, node_rhs, node_x, node_work)
+        m = level.node_count
+        node = int(t)
+        while node < m:
+            total = real(0.0)
+            for other in range(m):
+                total += coarsest_inverse[other * m + node] * node_rhs[level.node_base + other]
+            node_x[level.node_base + node] = total
+            node += lanes
+        barrier()
         k -= 1
         while k >= first_small:
             level = levels[k]
             coarse = levels[k + 1]
-            node = int(t)
-            while node < level.node_count:
-                prolong_of(level, coarse, node, node_inverse, node_x)
-                node += lanes
+            count = listed_count(k, 1, level.node_count, active_counts)
+            item = int(t)
+            while item < count:
+                prolong_of(level, coarse, listed(item, level.node_base, active_nodes), node_inverse, node_x)
+                item += lanes
             barrier()
-            two_sweeps(t, lanes, level, grid_weight, stencil, node_inverse, node_rhs, node_x, node_work)
+            for pair in range(level.pairs):
+                v = real(level.weights[2 * (level.pairs - pair) - 1])
+                w = real(level.weights[2 * (level.pairs - pair) - 2])
+                two_sweeps(t, lanes, count, level, active_nodes, v, w, stencil, node_inverse, node_rhs, node_x, node_work)
             k -= 1
 
     return Kernels(

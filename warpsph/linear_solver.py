@@ -232,7 +232,7 @@ class Result:
 
     Attributes:
         iterations: of the Krylov method.
-        residual: |b - A x| / |b| in the 2-norm, evaluated in float64 (with the mean of b taken out if `singular`).
+        residual: |b - A x| / |b| in the 2-norm, evaluated in float64 (with the mean of b taken out of a singular system).
         converged: the tolerance was reached.
         reason: "converged", "iterations", "stalled" or "nan".
         remedy: what to do about it; empty if converged.
@@ -276,8 +276,9 @@ class LinearSolver:
         preconditioner: "none", "jacobi", or an object such as `multigrid.Multigrid`.
         tolerance: relative residual |b - A x| / |b| to reach, at least `attainable(precision)`.
         max_iterations: by default 100 with a preconditioner object, else 500 or 10 sqrt(n), whichever is more.
-        singular: the constant (over rows that have entries) is a null vector of A: b is projected to zero mean over these
-            rows, and so is x.
+        singular: the constant (over rows that have entries) is a null vector of A, but for rounding of any size. If it is
+            not said, the device finds it out in every solve: no row sum is more than rounding. Where it is one, b is
+            projected to zero mean over these rows, and so is x.
 
     Attributes:
         solution: float64 (n,), the sum that x is rounded from.
@@ -440,10 +441,9 @@ class LinearSolver:
                 return []
             return list(outer.tasks(rows, bindings, self._vectors["residual"], self._vectors[vector]))
 
-        self.begin_tasks = [sweep(kernels.prepare)]
+        self.begin_tasks = [sweep(kernels.prepare), decide(kernels.decide_prepare), sweep(kernels.release)]
         if not isinstance(outer, str):
             self.begin_tasks += outer.setup_tasks()
-        self.begin_tasks += [sweep(kernels.measure), decide(kernels.decide_measure)]
         self.check_tasks = [sweep(kernels.evaluate), decide(kernels.decide_evaluate)]
         if self.method == "cg":
             # scaled = M r belongs to the beginning of an iteration: it is not needed after the last one
@@ -476,11 +476,10 @@ class LinearSolver:
                 sweep(kernels.bi_update),
                 decide(kernels.decide_bi_update),
             ]
-        self.end_tasks = []
-        if self.singular:
-            self.end_tasks += [sweep(kernels.solution_sum), decide(kernels.decide_solution_mean)]
         end = self.launcher.task("solve", kernels.decide_end, 1, bindings, single=True)
-        self.end_tasks += [sweep(kernels.deliver), end]
+        self.end_tasks = [
+            sweep(kernels.solution_sum), decide(kernels.decide_solution_mean), sweep(kernels.deliver), end,
+        ]  # fmt: skip
 
     def record(self) -> None:
         """Run the solve, or record it into the graph being captured; `bind` comes before.

@@ -32,16 +32,23 @@ from warpsph.launch import Bindings, Launcher, Task
 from warpsph.linear_solver import EllMatrix, Rows
 
 LARGEST_ARRAY = 2**31 - 1
-COARSEST = 30  # nodes of the coarsest level, about
-COARSEST_SWEEPS = 4  # pairs of sweeps there, after the first pair
+COARSEST = 30  # nodes of the coarsest level, whose operator is inverted, about
 CELL = 2.0  # cell width of the finest grid in particle spacings
 # Damping of the Jacobi sweeps. On the particles 2 / weight must exceed the largest eigenvalue of D^-1 A, which is at most 2
 # for non-negative weights (row sums); on the grid the usual 8/9 (2-D) is a little more than what is best in 3-D.
 PARTICLE_WEIGHT = 0.9
 GRID_WEIGHT = 0.8
+# Levels of cells so many times as wide as the finest get more pairs of sweeps: (width, pairs, smallest eigenvalue of D^-1 A
+# that the sweeps aim at); the largest is 2. By measurement; on a finest grid of more than LONG cells along an axis the
+# error that they take out weighs more, and their launches weigh less.
+LONG = 700
+WIDE = {False: ((32, 4, 0.05), (8, 2, 0.15)), True: ((16, 4, 0.05), (4, 2, 0.15))}
+# Factor of the correction from the grids: their functions are stiffer than what the particles do between the nodes.
+OVER = 1.05
 # Levels of at most so many nodes are left to one thread (CPU) or one block (GPU): a launch or a barrier costs more than
 # they do.
 SMALL = {True: 4096, False: 1024}
+ENTIRE = 256  # levels of at most so many nodes are visited as a whole on a CPU: listing what the fluid needs costs more
 
 
 @dataclass(frozen=True)
@@ -97,11 +104,31 @@ def plan_levels(cells: Sequence[int], periodic: Sequence[bool], coarsest: int = 
         now, wrap = tuple(then), tuple(then_wrap)
 
 
+def sweep_weights(width: int, long: bool) -> list[float]:
+    """Return the weights of the sweeps on a level whose cells are `width` times as wide as those of the finest.
+
+    Args:
+        width: 1, 2, 4 ...
+        long: the finest grid has more than `LONG` cells along an axis.
+
+    Returns:
+        An even number of weights. More than two are inverse roots of the Chebyshev polynomial between the eigenvalues aimed
+        at; a small and a large one take turns, so that no sweep magnifies much.
+    """
+    pairs, least = next(((pairs, least) for limit, pairs, least in WIDE[long] if width >= limit), (1, 0.0))
+    if pairs == 1:
+        return 2 * [GRID_WEIGHT]
+    count = 2 * pairs
+    roots = [0.5 * (2.0 + least) + 0.5 * (2.0 - least) * math.cos(math.pi * (k + 0.5) / count) for k in range(count)]
+    return [1.0 / roots[k // 2 if k % 2 == 0 else count - 1 - k // 2] for k in range(count)]
+
+
 class Multigrid:
     """One V-cycle over particles and background grids, as preconditioner of conjugate gradients.
 
-    One damped Jacobi sweep on the particles and two on each grid, before and after the coarser levels: symmetric and
-    positive definite for a symmetric positive definite matrix.
+    One damped Jacobi sweep on the particles and two on each grid (four on those of wide cells), before and after the
+    coarser levels, and the inverse of the coarsest operator: symmetric and positive definite for a symmetric positive
+    definite matrix.
 
     Args:
         matrix: symmetric matrix with couplings a_ab <= 0 off the diagonal.
@@ -191,8 +218,9 @@ class Multigrid:
                 for name in ("node_inverse", "node_rhs", "node_x", "node_work")
             }
             self._ranges = {name: wp.zeros(finest, dtype=int, device=device) for name in ("range_begin", "range_end")}
-            # on a CPU: cells and nodes with particles near, at the places of the level
+            # on a CPU: cells and nodes with particles near, at the places of the level, and how many there are of each
             listed = matrix.row_list
+            self._active_counts: Any = wp.zeros(2 * len(self._levels) if listed else 0, dtype=int, device=device)
             self._active = {
                 "active_cells": wp.zeros(cell_total if listed else 0, dtype=int, device=device),
                 "active_nodes": wp.zeros(node_total if listed else 0, dtype=int, device=device),
@@ -202,6 +230,9 @@ class Multigrid:
             self._fraction: Any = wp.zeros(n, dtype=vec, device=device)
             self._corner_sums: Any = wp.zeros(finest * 2**dimension, dtype=real, device=device)
             self._work: Any = wp.zeros(n, dtype=real, device=device)
+            coarsest = self._levels[-1].node_count ** 2
+            self._coarsest_work: Any = wp.zeros(coarsest, dtype=wp.float64, device=device)
+            self._coarsest_inverse: Any = wp.zeros(coarsest, dtype=real, device=device)
         except RuntimeError as error:
             raise CapacityError(f"multigrid of {finest} cells does not fit in memory: {error}", key="domain") from error
         self._key_bits = max(1, finest.bit_length())
@@ -209,15 +240,29 @@ class Multigrid:
         self.first_small = next(
             (k for k, level in enumerate(self._levels) if level.node_count <= limit), len(self._levels) - 1
         )
-        # live views of the arrays, and of each level how many cells and nodes are listed
+        # from this level on; every level that is launched on its own is listed
+        self._entire = next(
+            (k for k, level in enumerate(self._levels) if k > self.first_small and level.node_count <= ENTIRE),
+            len(self._levels),
+        )
+        # live views of the arrays
         arrays = {**self._nodes, **self._ranges, **self._active, "element": self.element, "corner_sums": self._corner_sums}
+        arrays["active_counts"] = self._active_counts
         self._views = {name: array.numpy() for name, array in arrays.items()} if matrix.row_list else {}
-        self._counts = [(0, 0) for _ in self._levels]
+        if matrix.row_list:
+            for k, level in enumerate(self._levels):
+                if k >= self._entire:
+                    self._views["active_counts"][2 * k : 2 * k + 2] = level.cell_count, level.node_count
+                    self._views["active_cells"][level.cell_base :][: level.cell_count] = np.arange(level.cell_count)
+                    self._views["active_nodes"][level.node_base :][: level.node_count] = np.arange(level.node_count)
+        most = max(max(level.cell_count, level.node_count) for level in self._levels)
+        self._marks = np.zeros(most if matrix.row_list else 0, dtype=np.int32)
         self._lanes = ln.LANES if device.is_cuda else 1
         self._bindings = Bindings(device, self._nodes)
         self._bindings.update(
             self._ranges,
             **self._active,
+            active_counts=self._active_counts,
             n=n,
             frame=frame,
             element=self.element,
@@ -236,10 +281,15 @@ class Multigrid:
             lanes=self._lanes,
             first_small=self.first_small,
             level_count=len(self._levels),
-            coarsest_sweeps=COARSEST_SWEEPS,
-            grid_weight=real(GRID_WEIGHT),
+            coarsest_work=self._coarsest_work,
+            coarsest_inverse=self._coarsest_inverse,
             weight=real(PARTICLE_WEIGHT),
+            over=real(OVER),
         )
+
+    def _weights(self, k: int) -> list[float]:
+        """Return the weights of the sweeps on level k before the next one."""
+        return sweep_weights(2**k, max(self.plans[0].cells) > LONG)
 
     def _place_levels(self) -> list[Any]:
         """Return the `Level` structs; node arrays have room for the rows around each level."""
@@ -249,8 +299,11 @@ class Multigrid:
 
         levels = []
         cell_base, node_base = 0, 0
-        for plan in self.plans:
+        for k, plan in enumerate(self.plans):
             level = mg.Level()
+            weights = self._weights(k)
+            level.pairs = len(weights) // 2
+            level.weights = mg.sweep_weights(*weights, *(mg.MOST_SWEEPS - len(weights)) * [0.0])
             level.cells, level.nodes = three(plan.cells, 1), three(plan.nodes, 1)
             level.wrap, level.way = three(plan.wrap, 0), three(plan.way, mg.STAY)
             pad = 1 + level.nodes[0] * (1 + level.nodes[1])
@@ -266,7 +319,7 @@ class Multigrid:
         """Return the bytes of all own arrays."""
         arrays = [*self._nodes.values(), *self._ranges.values(), *self._active.values()]
         arrays += [self.element, self.stencil, self._keys, self._order, self._fraction, self._corner_sums]
-        arrays += [self._work, self.moment]
+        arrays += [self._work, self.moment, self._active_counts, self._coarsest_work, self._coarsest_inverse]
         return sum(int(array.capacity) for array in arrays)
 
     def _over_nodes(self, kernel: Any, k: int, **special: Any) -> Task:
@@ -318,28 +371,26 @@ class Multigrid:
         return tasks
 
     def _list_active(self) -> None:
-        """List cells and nodes with particles near and fit the tasks to them; zero what no longer has any (CPU alone)."""
+        """List cells and nodes with particles near and fit the tasks to them; zero what no longer has any (CPU alone).
+
+        The work follows the fluid, however large the box is.
+        """
         keys = self._keys.numpy()[: self.matrix.n]
         cells = keys[np.flatnonzero(np.diff(keys, prepend=-1))]
         cells = cells[cells < self._levels[0].cell_count]
-        for k in range(self.first_small + 1):
-            level, plan = self._levels[k], self.plans[k]
-            if k == self.first_small and k > 0:
-                # its set-up and its cycle visit all of it
-                nodes = np.arange(level.node_count)
-            else:
-                at = np.unravel_index(cells, plan.cells[::-1])[::-1]
-                near = np.zeros(plan.nodes[::-1], dtype=bool)
-                for corner in range(2**self.dimension):
-                    place = [
-                        (c + (corner >> axis & 1)) % plan.nodes[axis] if plan.wrap[axis] else c + (corner >> axis & 1)
-                        for axis, c in enumerate(at)
-                    ]
-                    near[tuple(place[::-1])] = True
-                nodes = np.flatnonzero(near)
-                self._forget(k, cells, near.ravel())
-                self._counts[k] = (len(cells), len(nodes))
-                self._views["active_cells"][level.cell_base :][: len(cells)] = cells
+        ways = {mg.HALVE: lambda c: c // 2, mg.STAY: lambda c: c, mg.COLLAPSE: lambda c: c * 0}
+        for k, (level, plan) in enumerate(zip(self._levels[: self._entire], self.plans, strict=False)):
+            at = np.unravel_index(cells, plan.cells[::-1])[::-1]
+            near: list[Any] = [0]
+            stride = 1
+            for c, count, wraps in zip(at, plan.nodes, plan.wrap, strict=True):
+                both = stride * c, stride * ((c + 1) % count if wraps else c + 1)
+                near = [place + part for part in both for place in near]
+                stride *= count
+            nodes = self._distinct(near, level.node_count)
+            self._forget(k, cells, nodes)
+            self._views["active_counts"][2 * k : 2 * k + 2] = len(cells), len(nodes)
+            self._views["active_cells"][level.cell_base :][: len(cells)] = cells
             self._views["active_nodes"][level.node_base :][: len(nodes)] = nodes
             for task, per_cell in self._cell_tasks[k]:
                 if task.resize is not None:
@@ -347,41 +398,65 @@ class Multigrid:
             for task in self._node_tasks[k]:
                 if task.resize is not None:
                     task.resize(len(nodes))
-            if k < self.first_small:
+            if k + 1 < self._entire:
                 coarse = self.plans[k + 1]
-                into = np.zeros(coarse.cells[::-1], dtype=bool)
-                ways = {mg.HALVE: lambda c: c // 2, mg.STAY: lambda c: c, mg.COLLAPSE: lambda c: c * 0}
-                into[tuple(ways[way](c) for way, c in zip(plan.way, at, strict=True))[::-1]] = True
-                cells = np.flatnonzero(into)
+                into = [ways[way](c) for way, c in zip(plan.way, at, strict=True)]
+                parents = np.ravel_multi_index(into[::-1], coarse.cells[::-1])
+                cells = self._distinct([parents], self._levels[k + 1].cell_count)
 
-    def _forget(self, k: int, cells: np.ndarray, near: np.ndarray) -> None:
+    def _distinct(self, parts: Sequence[np.ndarray], size: int) -> np.ndarray:
+        """Return the distinct numbers below `size` in increasing order."""
+        if 4 * sum(map(len, parts)) > size:
+            flags = np.zeros(size, dtype=bool)
+            for part in parts:
+                flags[part] = True
+            return np.flatnonzero(flags)
+        numbers = np.concatenate(parts)
+        order = np.arange(len(numbers), dtype=np.int32)
+        self._marks[numbers] = order
+        return np.sort(numbers[self._marks[numbers] == order])
+
+    def _forget(self, k: int, cells: np.ndarray, nodes: np.ndarray) -> None:
         """Zero what the last set-up left in cells and nodes of level k that are no longer in use."""
+
+        def gone(name: str, base: int, count: int, now: np.ndarray) -> np.ndarray:
+            old = self._views[name][base:][:count]
+            if len(old) == len(now) and np.array_equal(old, now):
+                return old[:0]
+            self._marks[old] = 0
+            self._marks[now] = 1
+            return old[self._marks[old] == 0]
+
         level = self._levels[k]
-        cell_count, node_count = self._counts[k]
-        old = self._views["active_cells"][level.cell_base :][:cell_count]
-        used = np.zeros(level.cell_count, dtype=bool)
-        used[cells] = True
-        gone = old[~used[old]]
-        if len(gone):
+        cell_count, node_count = self._views["active_counts"][2 * k : 2 * k + 2]
+        left = gone("active_cells", level.cell_base, cell_count, cells)
+        if len(left):
             per_cell = 4**self.dimension
-            self._views["element"].reshape(-1, per_cell)[level.cell_base + gone] = 0.0
+            self._views["element"].reshape(-1, per_cell)[level.cell_base + left] = 0.0
             if k == 0:
-                self._views["corner_sums"].reshape(-1, 2**self.dimension)[gone] = 0.0
+                self._views["corner_sums"].reshape(-1, 2**self.dimension)[left] = 0.0
                 for name in ("range_begin", "range_end"):
-                    self._views[name][gone] = 0
-        old = self._views["active_nodes"][level.node_base :][:node_count]
-        gone = old[~near[old]]
-        if len(gone):
+                    self._views[name][left] = 0
+        left = gone("active_nodes", level.node_base, node_count, nodes)
+        if len(left):
             for name in self._nodes:
-                self._views[name][level.node_base + gone] = 0.0
+                self._views[name][level.node_base + left] = 0.0
 
     def tasks(self, rows: Rows, bindings: Bindings, residual: Any, scaled: Any) -> list[Task]:
         """Return the tasks scaled = M residual, one cycle; see `linear_solver.Preconditioner`."""
-        kernels, levels = self._kernels, self._levels
+        kernels, levels, real = self._kernels, self._levels, self.matrix.real
         finest = levels[0]
         own = Bindings(self.matrix.device, {**bindings, **self._bindings})
         vectors = {"source": residual, "result": scaled}
         x, work = self._nodes["node_x"], self._nodes["node_work"]
+
+        def sweeps(k: int, weights: Sequence[float]) -> list[Task]:
+            ends = len(weights) // 2 * [(x, work), (work, x)]
+            return [
+                self._over_nodes(kernels.sweep, k, level=levels[k], source=source, target=target, sweep_weight=real(weight))
+                for weight, (source, target) in zip(weights, ends, strict=True)
+            ]
+
         tasks = [
             rows.sweep("multigrid", kernels.residual, own, vectors),
             self._over_cells(kernels.collect, 0, 1, level=finest),
@@ -391,6 +466,7 @@ class Multigrid:
             level, coarse = levels[k], levels[k + 1]
             tasks += [
                 self._over_nodes(kernels.first_sweeps, k, level=level),
+                *sweeps(k, self._weights(k)[2:]),
                 self._over_nodes(kernels.grid_residual, k, level=level),
                 self._over_nodes(kernels.restrict_residual, k + 1, fine=level, coarse=coarse),
             ]
@@ -399,8 +475,7 @@ class Multigrid:
             level, coarse = levels[k], levels[k + 1]
             tasks += [
                 self._over_nodes(kernels.prolong, k, fine=level, coarse=coarse),
-                self._over_nodes(kernels.sweep, k, level=level, source=x, target=work),
-                self._over_nodes(kernels.sweep, k, level=level, source=work, target=x),
+                *sweeps(k, self._weights(k)[::-1]),
             ]
         tasks += [
             rows.sweep("multigrid", kernels.spread, own, {"level": finest, **vectors}),

@@ -189,6 +189,18 @@ def test_a_closed_box_without_a_surface(precision, device):
     assert not simulation.physics.spec.free_surface
 
 
+def test_a_box_that_is_not_full_and_has_no_surface(device):
+    """One site is empty, in the middle: too small a hole for a surface, so that nothing holds the pressure."""
+    boxes = [([0, 0], [0.9, 0.4]), ([0, 0.4], [0.4, 0.5]), ([0.5, 0.4], [0.9, 0.5]), ([0, 0.5], [0.9, 0.8])]
+    fluids = [{"phase": "water", "shape": {"box": {"lower": lower, "upper": upper}}} for lower, upper in boxes]
+    simulation = start({**CLOSED, "fluids": fluids}, device=device, numerics__maximum_step=1e-3, end_time=0.01)
+    assert simulation.physics.spec.free_surface
+    simulation.run()
+    assert not simulation.model.particles.get("surface").any()
+    solver = simulation.summary["solver"]
+    assert solver["failures"] == 0 and solver["solves"] > 5 and solver["worst_iterations"] <= 10
+
+
 # runs that go wrong -----------------------------------------------------------------------------------------------------
 
 
