@@ -1,7 +1,7 @@
 """Stability of whole runs under combinations of physics, resolution, disorder and precision.
 
-    python scripts/stress.py [--quick] [--device cpu|cuda:0] [--threads N] [--only SCENE ...] [--steps 2000]
-                             [--random 4] [--seed 1] [--point KEY=VALUE ...] [--json FILE]
+    python scripts/stress.py [--quick] [--device cpu|cuda:0] [--threads N] [--processes N] [--only SCENE ...]
+                             [--steps 2000] [--random 4] [--seed 1] [--point KEY=VALUE ...] [--json FILE]
 
 Four two-phase scenes in a unit box, radius or layer R = 0.25: a static drop (periodic, tension), a layered tank at rest
 (walls, gravity), a drop stirred by Taylor-Green vortices (periodic, tension), a rising bubble (walls, gravity, tension).
@@ -30,10 +30,12 @@ import argparse
 import dataclasses
 import json
 import math
+import multiprocessing
 import random
 import sys
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -415,6 +417,26 @@ def run(scene_name: str, point: Point, steps: int, device: str, threads: int | N
     }
 
 
+def run_all(jobs: list[tuple[Any, ...]], processes: int) -> Iterator[dict[str, Any]]:
+    """Yield the rows of `run(*job)` in the order of the jobs, from that many processes at a time."""
+    if processes == 1:
+        for job in jobs:
+            yield run(*job)
+        return
+    # Warp does not survive a fork
+    with ProcessPoolExecutor(processes, mp_context=multiprocessing.get_context("spawn"), initializer=quiet) as pool:
+        for future in [pool.submit(run, *job) for job in jobs]:
+            yield future.result()
+
+
+def quiet() -> None:
+    """Settings of a process."""
+    from warpsph.model import quiet_warp
+
+    np.seterr(all="ignore")
+    quiet_warp()
+
+
 def describe_fault(model: Any, row: int) -> str:
     """What is wrong with the particle that stopped a run."""
     if not 0 <= row < model.particles.fluid_count:
@@ -470,6 +492,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--quick", action="store_true", help="24 particles across instead of 40")
     parser.add_argument("--device", default="cpu")
     parser.add_argument("--threads", type=int)
+    parser.add_argument("--processes", type=int, default=1, metavar="N", help="runs at the same time (default: 1)")
     parser.add_argument("--only", nargs="+", default=list(SCENES), choices=list(SCENES), metavar="SCENE")
     parser.add_argument("--steps", type=int, help=f"steps of each run (default: {STEPS})")
     parser.add_argument("--random", type=int, default=4, metavar="N", help="random points of each scene (default: 4)")
@@ -479,6 +502,8 @@ def main(arguments: list[str] | None = None) -> int:
     chosen = parser.parse_args(arguments)
     if chosen.steps is not None and chosen.steps < 1:
         parser.error("--steps: needs at least 1")
+    if chosen.processes < 1:
+        parser.error("--processes: needs at least 1")
     steps = chosen.steps or STEPS
 
     from warpsph.case import Case
@@ -496,16 +521,16 @@ def main(arguments: list[str] | None = None) -> int:
     print(HEAD)
     rows, failed = [], 0
     begin = time.perf_counter()
+    jobs = []
     for name in chosen.only:
-        if single is not None:
-            points = [single]
-        else:
+        points = [single]
+        if single is None:
             points = one_at_a_time(base, axes, automatic) + random_points(chosen.random, chosen.seed, axes, name)
-        for point in points:
-            row = run(name, point, steps, chosen.device, chosen.threads)
-            rows.append(row)
-            failed += not all(entry["ok"] for entry in row["criteria"].values())
-            print(line(row, differences(point, base)), flush=True)
+        jobs += [(name, point, steps, chosen.device, chosen.threads) for point in points]
+    for (_, point, *_), row in zip(jobs, run_all(jobs, chosen.processes), strict=True):
+        rows.append(row)
+        failed += not all(entry["ok"] for entry in row["criteria"].values())
+        print(line(row, differences(point, base)), flush=True)
     missed = {name: sum(not row["criteria"][name]["ok"] for row in rows) for name in CRITERIA}
     print(
         f"{len(rows)} runs, {failed} missed a limit ("

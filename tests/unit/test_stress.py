@@ -4,6 +4,7 @@ import dataclasses
 import importlib.util
 import json
 import math
+import subprocess
 import sys
 from pathlib import Path
 from types import SimpleNamespace
@@ -332,3 +333,19 @@ def test_command_runs_the_whole_plan(stress, capsys, monkeypatch):
             stress.main(wrong)
         assert stopped.value.code == 2
     capsys.readouterr()
+
+
+def test_runs_in_processes_are_those_of_one(tmp_path):
+    """Two at a time, as a command: the same rows in the same order."""
+    rows = []
+    for processes in ("1", "2"):
+        file = tmp_path / f"{processes}.json"
+        subprocess.run(
+            [sys.executable, str(SCRIPT), "--only", "drop", "tank", "--point", "resolution=5", "--steps", "20", "--threads", "1",
+             "--processes", processes, "--json", str(file)],
+            capture_output=True, timeout=300,
+        )  # fmt: skip
+        rows.append(json.loads(file.read_text())["rows"])
+    assert [row["scene"] for row in rows[0]] == ["drop", "tank"]
+    for one, two in zip(*rows, strict=True):
+        assert one["scene"] == two["scene"] and one["criteria"] == two["criteria"]
