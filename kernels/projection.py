@@ -37,7 +37,7 @@ from .clock import LAST_STEP, MAXIMA, RUNAWAY, SPEED, STEP
 from .mirror import NO_WALL, code_shift, make_images, make_sides
 from .pair import WRAPPED, make_entry
 from .params import make_params, make_phase
-from .smoothing import KERNELS, make_smoothing
+from .smoothing import make_smoothing
 from .spec import SWEEP_OPTIONS, Spec, types_of
 from .surface import INSIDE, ISOLATED
 from .viscosity import make_viscosity
@@ -310,7 +310,7 @@ def make_assemble(spec: Spec) -> Any:
     Params = make_params(spec.dimension, spec.precision)
     Phase = make_phase(spec.precision)
     Sides = make_sides(spec.dimension, spec.precision)
-    shape, slope = make_smoothing(spec.kernel, spec.precision)
+    _, slope = make_smoothing(spec.kernel, spec.precision)
     images = make_images(spec)
     apart, image_velocity, lift = images.apart, images.image_velocity, images.lift
     list_begin, list_step = make_entry(spec.row_list)
@@ -319,7 +319,6 @@ def make_assemble(spec: Spec) -> Any:
     dimension = float(spec.dimension)
     image_bit = code_shift(spec.dimension)
     index_mask = (1 << image_bit) - 1
-    window = 1.0 / KERNELS[spec.kernel].support ** 2
 
     @wp.kernel(module="unique", enable_backward=False, module_options=SWEEP_OPTIONS)
     def assemble(
@@ -401,9 +400,9 @@ def make_assemble(spec: Spec) -> Any:
                 j = j & index_mask
             xj = position[j]
             d = apart(xi, xj, code, wrapped, params, sides)
-            q = wp.sqrt(wp.dot(d, d)) * params.inv_h
-            f = slope(q) * rest_volume[j]
-            core = real(1.0) - q * q * real(window)
+            r2 = wp.dot(d, d)
+            f = slope(wp.sqrt(r2) * params.inv_h) * rest_volume[j]
+            core = wp.max(real(1.0) - r2 * params.inv_window, real(0.0))
             crowd += core * core * rest_volume[j]
             w = weight * f
             vj = velocity_star[j]
@@ -446,7 +445,7 @@ def make_assemble(spec: Spec) -> Any:
         divergence = wp.trace(flow * correction[i]) * params.g_norm
         wanted = real(0.0)
         if full:
-            excess = crowd * params.per_window - real(1.0)
+            excess = crowd * params.window_norm - real(1.0)
             excess = excess - wp.clamp(excess, real(-UNSURE), real(UNSURE))
             wanted = params.feedback * real(clock[SPEED]) * params.inv_h * excess
         if relaxed == 1:

@@ -49,6 +49,11 @@ KERNELS: dict[str, SmoothingKernel] = {
 }
 
 
+def window_integral(dimension: int, radius: float) -> float:
+    """Return the integral of (1 - r^2/R^2)^2 over the ball of radius R [m] in 1, 2 or 3 dimensions [m^d]."""
+    return (16 / 15, PI / 3, 32 * PI / 105)[dimension - 1] * radius**dimension
+
+
 @functools.cache
 def make_smoothing(name: str, precision: str) -> tuple[Any, Any]:
     """Return the pair of `wp.func`s (shape, slope) of a kernel; raises KeyError for an unknown name."""

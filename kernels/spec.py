@@ -41,6 +41,7 @@ class Spec:
         shifting: particles are shifted towards an even arrangement.
         volume_constraint: the mean pressure follows from the volume of a closed domain.
         momentum_constraint: the total momentum of a periodic box is kept.
+        room: the density is held to the room that the particles take.
         interface_force: pair force that keeps phases apart.
         dissipation: the pressure difference enters the star velocity.
         free_surface: an axis is open, so that wall pressure never pulls.
@@ -70,6 +71,7 @@ class Spec:
     shifting: bool = False
     volume_constraint: bool = False
     momentum_constraint: bool = False
+    room: bool = False
     interface_force: bool = False
     dissipation: bool = True
     free_surface: bool = False

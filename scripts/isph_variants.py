@@ -31,6 +31,9 @@ VARIANTS: dict[str, list[str]] = {
     "p = 0 at the particles": ["numerics.surface_offset=0"],
     "conservative gradient": ["numerics.pressure_gradient=conservative"],
     "no shifting": ["numerics.shifting=0"],
+    "no filter at the surface": ["numerics.surface_filter=0"],
+    "no volume feedback": ["numerics.volume_feedback=0"],
+    "explicit viscosity": ["numerics.implicit_viscosity=false"],
     "half the time step": ["numerics.courant=0.2"],
     "tolerance 1e-4": ["numerics.tolerance=1e-4"],
 }

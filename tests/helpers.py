@@ -10,7 +10,7 @@ from warpsph.kernels import clock as ck
 from warpsph.kernels.density import make_continuity
 from warpsph.kernels.momentum import make_momentum
 from warpsph.kernels.params import make_params, make_phase
-from warpsph.kernels.smoothing import KERNELS
+from warpsph.kernels.smoothing import KERNELS, window_integral
 from warpsph.kernels.spec import Spec, types_of
 from warpsph.launch import Bindings, Launcher
 from warpsph.model import quiet_warp
@@ -103,7 +103,7 @@ class Setup:
         walls: (m, d) wall positions; wall_velocity, slip: theirs.
         tension: surface tension between any two phases [N/m].
         cosines: (phases, phases) cosine of the contact angle of the row's phase against the column's.
-        dissipation, shifting, zeta: numbers of `Params`.
+        dissipation, shifting, zeta, room: numbers of `Params`.
         values: further kernel arguments by name.
     """
 
@@ -133,6 +133,7 @@ class Setup:
         shifting=0.02,
         shift_cap=0.01,
         zeta=0.0,
+        room=0.0,
         skin=0.12,
         width=None,
         values=None,
@@ -186,6 +187,9 @@ class Setup:
         params.shifting = shifting
         params.shift_cap = shift_cap
         params.zeta = zeta
+        params.room = room
+        params.inv_window = 1.0 / self.support**2
+        params.window_norm = 1.0 / window_integral(d, self.support)
         params.tiny = (1.0e-6 * self.h) ** 2
         self.params = params
         Phase = make_phase(spec.precision)

@@ -581,6 +581,12 @@ class Numerics(CaseModel):
         description="keep the total volume of closed or periodic domains. auto: true with corrected there",
         examples=["true"],
     )
+    room_rate: Annotated[float | _Auto, NumberRule(least=0, most=10, auto=True)] = Field(
+        default="auto",
+        description="rate, over |grad v|, at which the density of a filled domain follows the room that the particles take; "
+        "0 also leaves the divergence of the continuity equation uncorrected. auto: 2 with corrected and shifting, else 0",
+        examples=["2"],
+    )
     velocity_dissipation: Annotated[float | _Auto, NumberRule(least=0, most=10, auto=True)] = Field(
         default="auto",
         description="factor on the pressure-difference term of the star velocity",
@@ -1495,6 +1501,7 @@ def _automatic_choices(case: Case) -> dict[str, Any]:
         "unlock": 0.05 if gradient == "corrected" else 0.0,
         "shifting": 16.0 if gradient == "corrected" else 0.0,
         "volume_constraint": gradient == "corrected" and not case.has_open_sides,
+        "room_rate": 2.0 if gradient == "corrected" and not case.has_open_sides and numerics.shifting != 0 else 0.0,
     }
     if numerics.scheme == "isph":
         choices = {}  # all follow from the physics

@@ -626,6 +626,10 @@ def _check_numerics(case: Any, _folder: Path | None, _raw: Any) -> _Problems:
         if (value := getattr(case.numerics, key)) != "auto":
             rule = f"is a choice of scheme: {other}, the case has scheme: {case.numerics.scheme}"
             yield Problem(f"numerics.{key}", value, rule, "delete it, or write auto")
+    rate = case.numerics.room_rate
+    if rate != "auto" and rate > 0 and case.has_open_sides:
+        rule = "needs a closed or periodic domain: at a free surface the window of a particle is cut"
+        yield Problem("numerics.room_rate", rate, rule, "write auto or 0")
     if case.numerics.volume_constraint is True:
         for axis in AXES[: case.dimension]:
             sides = getattr(case.domain.boundary, axis)
@@ -640,7 +644,7 @@ def _check_numerics(case: Any, _folder: Path | None, _raw: Any) -> _Problems:
 
 # keys of numerics that one scheme alone reads
 _KEYS_OF = {
-    "riemann": ("star_states", "tension_form", "interface_force", "velocity_dissipation"),
+    "riemann": ("star_states", "tension_form", "interface_force", "velocity_dissipation", "room_rate"),
     "isph": (
         "time_order", "relaxed_divergence", "deferred_correction", "surface_offset", "volume_feedback", "surface_filter",
         "implicit_viscosity", "solver", "preconditioner",

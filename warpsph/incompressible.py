@@ -27,12 +27,6 @@ CHANGE = 0.05
 WORTH = 2.0
 
 
-def window_volume(spec: Spec, h: float) -> float:
-    """Return the integral of (1 - r^2/R^2)^2 over the support R of the kernel [m^d]."""
-    reach = KERNELS[spec.kernel].support * h
-    return math.pi * reach**2 / 3.0 if spec.dimension == 2 else 32.0 * math.pi * reach**3 / 105.0
-
-
 def row_shares(spec: Spec, ratio: float) -> tuple[float, float]:
     """Return sum V (x_j - x_i).grad_i W / d of the first and the second row below a flat surface, on a lattice.
 

@@ -13,7 +13,7 @@ from warpsph.geometry import Geometry, build
 from warpsph.kernels import clock as ck
 from warpsph.kernels.mirror import FREE_SLIP, NO_SLIP, NO_WALL, make_sides
 from warpsph.kernels.params import make_params, make_phase
-from warpsph.kernels.smoothing import KERNELS
+from warpsph.kernels.smoothing import KERNELS, window_integral
 from warpsph.kernels.spec import types_of
 from warpsph.launch import Launcher
 from warpsph.neighbours import default_width
@@ -138,6 +138,10 @@ class Model:
         box = [u - low if p else 0.0 for low, u, p in zip(lower, upper, spec.periodic, strict=True)]
         params = make_params(d, spec.precision)()
         params.h = h
+        params.inv_window = 1.0 / physics.support**2
+        params.window_norm = 1.0 / window_integral(d, physics.support)
+        if spec.room:
+            params.room = float(physics.choices["room_rate"])
         params.inv_h = 1.0 / h
         params.g_norm = alpha / h ** (d + 2)
         params.spacing = case.spacing
@@ -213,7 +217,6 @@ class Model:
 
         choices = physics.choices
         params.shift_cap = incompressible.SHIFT_CAP
-        params.per_window = 1.0 / incompressible.window_volume(spec, physics.h)
         params.feedback = float(choices["volume_feedback"])
         params.filter = float(choices["surface_filter"])
         first_row, second_row = incompressible.row_shares(spec, physics.h / case.spacing)

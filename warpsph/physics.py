@@ -42,6 +42,8 @@ PAPER_RATIO = 1.25
 SKIN = 0.12
 # Shift of a step over h^2 |grad v| dt sum grad W V: how much faster particles are evened out than the flow disorders them.
 SHIFTING = 16.0
+# Rate, over |grad v|, at which the density follows the room that the particles take: 1 to 3 differ little.
+ROOM_RATE = 2.0
 # Displacement that breaks the symmetry of a lattice, in particle spacings: for the corrected gradient a perfect lattice
 # that is sheared is a balance on a knife's edge, which ends in voids.
 UNLOCK = 0.05
@@ -166,6 +168,12 @@ def derive(case: Case, geometry: Geometry, row_list: bool = True) -> Physics:
         corrected and filled,
         "the corrected gradient leaves the mean pressure free" if corrected and filled else "not needed",
     )
+    held = corrected and filled and float(shifting) > 0
+    room = choose(
+        "room_rate",
+        ROOM_RATE if held else 0.0,
+        "density must not drift away from the room that the particles take" if held else "not needed",
+    )
     locked = corrected and geometry.arrangement == "lattice"
     choose(
         "unlock",
@@ -205,6 +213,7 @@ def derive(case: Case, geometry: Geometry, row_list: bool = True) -> Physics:
         central_force=case.central_force is not None,
         shifting=float(shifting) > 0,
         volume_constraint=bool(constraint),
+        room=held and float(room) > 0,
         momentum_constraint=corrected and all(case.periodic) and geometry.wall_count == 0,
         interface_force=float(zeta) > 0 and len(phases) > 1,
         dissipation=float(dissipation) > 0,

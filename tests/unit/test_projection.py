@@ -10,7 +10,7 @@ import warp as wp
 from tests.helpers import Fluid, lattice
 from tests.isph_scenes import SCENES, spec_of
 from tests.projection import INSIDE, ISOLATED, Stages, channel_spec, codes_of, open_spec, periodic_spec
-from warpsph.incompressible import row_shares, window_volume
+from warpsph.incompressible import row_shares
 from warpsph.kernels import clock as ck
 from warpsph.kernels.mirror import FREE_SLIP, NO_SLIP, NO_WALL
 from warpsph.kernels.projection import (
@@ -24,6 +24,7 @@ from warpsph.kernels.projection import (
     UNSURE,
     make_weights,
 )
+from warpsph.kernels.smoothing import window_integral
 from warpsph.schemes import isph
 
 SPACING = 0.1
@@ -851,14 +852,14 @@ def test_what_is_too_dense_is_let_go(share, device):
     params = bench.bindings["params"]
     volume = bench.get("rest_volume")
     speed, feedback = 3.0, 0.1
-    params.per_window, params.feedback = 1.0 / window_volume(bench.spec, bench.h), 0.0
+    params.feedback = 0.0
     _, without = bench.assemble()
     bench.put("rest_volume", volume * share)
     params.wall_volume = params.wall_volume * share  # so that nothing else in the source changes
     params.feedback = feedback
     _, right = bench.assemble()
     around = np.linalg.norm(np.mgrid[-3:4, -3:4].reshape(2, -1), axis=0) * SPACING / bench.support
-    lattice_excess = (np.clip(1.0 - around**2, 0, None) ** 2).sum() * SPACING**2 / window_volume(bench.spec, bench.h) - 1.0
+    lattice_excess = (np.clip(1.0 - around**2, 0, None) ** 2).sum() * SPACING**2 / window_integral(2, bench.support) - 1.0
     assert abs(lattice_excess) < 0.003
     excess = (1.0 + lattice_excess) * share - 1.0
     excess -= np.clip(excess, -UNSURE, UNSURE)
@@ -876,13 +877,11 @@ def test_what_is_too_dense_is_let_go(share, device):
 @DIMENSIONS
 def test_window_of_the_density(dimension):
     """The integral of (1 - r^2/R^2)^2 over a ball, by quadrature; points at random see the number density without bias."""
-    spec = open_spec(dimension)
     n = 60
     edge = (np.arange(n) + 0.5) / n * 2 - 1
     square = sum(axis**2 for axis in np.meshgrid(*[edge] * dimension))
     volume = (np.clip(1 - square, 0, None) ** 2).sum() * (2 / n) ** dimension
-    h = 0.3
-    assert window_volume(spec, h) == pytest.approx(volume * (2 * h) ** dimension, rel=1e-3)  # Wendland: R = 2 h
+    assert window_integral(dimension, 0.3) == pytest.approx(volume * 0.3**dimension, rel=1e-3)
 
 
 @DIMENSIONS

@@ -341,8 +341,8 @@ def test_runs_in_processes_are_those_of_one(tmp_path):
     for processes in ("1", "2"):
         file = tmp_path / f"{processes}.json"
         subprocess.run(
-            [sys.executable, str(SCRIPT), "--only", "drop", "tank", "--point", "resolution=5", "--steps", "20", "--threads", "1",
-             "--processes", processes, "--json", str(file)],
+            [sys.executable, str(SCRIPT), "--only", "drop", "tank", "--point", "resolution=5", "--steps", "20",
+             "--threads", "1", "--processes", processes, "--json", str(file)],
             capture_output=True, timeout=300,
         )  # fmt: skip
         rows.append(json.loads(file.read_text())["rows"])

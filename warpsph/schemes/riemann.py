@@ -140,6 +140,8 @@ def absent(spec: Spec) -> list[Absent]:
         rows.append(Absent("gradient correction", "the conservative pressure gradient needs none"))
     if not spec.volume_constraint:
         rows.append(Absent("volume", "the pressure level is fixed by a free surface or by the conservative gradient"))
+    if not spec.room:
+        rows.append(Absent("room", "a free surface, or numerics has no corrected gradient, no shifting or no room_rate"))
     if not spec.momentum_constraint:
         rows.append(Absent("drift", "walls, open sides, or a gradient that conserves momentum pair by pair"))
     if not spec.interface_force:
