@@ -119,7 +119,10 @@ def without_constraint(monkeypatch):
 
 
 def test_the_box_moves_on_with_its_start_velocity(device):
-    """The same flow, seen from a frame that moves: with equal steps nothing else is different, whenever lists are built."""
+    """The same flow, seen from a frame that moves: with equal steps nothing else is different, whenever lists are built.
+
+    What rounding of the moving positions leaves, eps times the frame's speed, is amplified by c/u in every step.
+    """
     frame, step, steps = np.array([0.5, -0.25]), 5e-4, 150
     # the correction of the viscous term looks at the list, skin and all, and so at when it was built
     inviscid = {"phases.light.viscosity": 0, "phases.heavy.viscosity": 0}
@@ -133,9 +136,9 @@ def test_the_box_moves_on_with_its_start_velocity(device):
     one, other = still.snapshot(), moving.snapshot()
     assert one.time == other.time == pytest.approx(step * steps)
     assert still.stepper.read()[1][ck.REBUILDS] != moving.stepper.read()[1][ck.REBUILDS]
-    np.testing.assert_allclose(other.velocity - frame, one.velocity, atol=1e-12)
+    np.testing.assert_allclose(other.velocity - frame, one.velocity, rtol=0, atol=1e-10 * np.linalg.norm(frame))
     apart = other.position - one.position - frame * one.time
-    assert np.abs(apart - np.round(apart)).max() < 1e-12
+    assert np.abs(apart - np.round(apart)).max() < 1e-11
     assert np.abs(one.position - before.position).max() > 1e-3
 
 

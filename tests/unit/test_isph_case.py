@@ -369,6 +369,38 @@ def test_the_divergence_left_over_is_told(device):
     assert told["divergence_h_over_u"] == pytest.approx(told["divergence"] * h / speed, rel=0.2)
 
 
+def test_a_swinging_drop_keeps_its_outline_and_energy(device):
+    """A drop in a central force is drawn out to 1.9 R, up and then sideways, and is round again after a period.
+
+    Nothing damps it; it keeps its particles, its area to a tenth of a spacing at the surface, its energy to 2 %.
+    """
+    radius, rate, n = 1.0, 1.0, 15
+    simulation = start(
+        {
+            "dimension": 2, "particle_spacing": radius / n, "end_time": 1e9, "numerics": {"scheme": "isph"},
+            "domain": {"lower": [-2.4, -2.4], "upper": [2.4, 2.4], "boundary": {"x": "open", "y": "open"}},
+            "central_force": {"rate": rate}, "phases": {"water": {"density": 1000}},
+            "fluids": [{"phase": "water", "shape": {"sphere": {"center": [0, 0], "radius": radius}}}],
+            "start": {"arrangement": "fitted", "velocity": ["-x", "y"], "pressure": "1000*(1 - x**2 - y**2)"},
+        },
+        device=device,
+    )  # fmt: skip
+
+    def energy(state):
+        return 0.5 * (state.mass @ ((state.velocity**2).sum(axis=1) + rate**2 * (state.position**2).sum(axis=1)))
+
+    first = energy(simulation.state)
+    simulation.model.stepper.run(4.8273430, 10**6)
+    state = simulation.state
+    x = state.position - state.position.mean(axis=0)
+    apart = np.linalg.norm(x[:, None] - x[None], axis=2) * n
+    assert ((apart < 1.5).sum(axis=1) > 2).all(), "particles are alone"
+    assert np.linalg.norm(x, axis=1).max() < 1.0 + 1.0 / n
+    area = 4.0 * math.sqrt(np.linalg.det(np.cov(x.T, bias=True)))
+    assert abs(area - 1.0) < 2 * 0.2 / n
+    assert abs(energy(state) / first - 1.0) < 0.02
+
+
 @pytest.mark.parametrize("scheme", ["riemann", "isph"])
 def test_a_central_force_pulls_towards_its_centre(scheme, device):
     """-B^2 (x - centre) in both schemes; the Riemann scheme starts with p = 0, so that nothing else acts."""
