@@ -2,9 +2,9 @@
 
     python scripts/picture_3d.py RUN [--phase gas] [--times T ...] [--every N] [--output FILE.png]
 
-RUN is a run folder with particle files, for example
-`validation/seed-cuda_0/runs/rising_bubble_3d-R_18` of `python -m warpsph validate rising_bubble_3d --level seed --device cuda:0`.
-The vertical axis is z; without `--times` it shows every second frame.
+RUN is a run folder with particle files, for example `validation/seed-cuda_0/runs/rising_bubble_3d-R_18` of
+`python -m warpsph validate rising_bubble_3d --level seed --device cuda:0`. The vertical axis is z; without `--times` it
+shows every second frame. Exit code 2 if the run is not one of three dimensions with particle files.
 """
 
 from __future__ import annotations
