@@ -22,6 +22,8 @@ def make_kick_drift(spec: Spec) -> Any:
     """Return the kernel that moves the fluid particles and watches speed, way and faults."""
     real, vec, _, pair = types_of(spec)
     Phase = make_phase(spec.precision)
+    import os
+    SMAX = float(os.environ.get("W_SMAX", "0.9"))
 
     @wp.kernel(module="unique", enable_backward=False)
     def kick_drift(
@@ -76,7 +78,7 @@ def make_kick_drift(spec: Spec) -> Any:
             wp.atomic_max(maxima, slot * MAXIMA + 2, o2)
         limit = real(clock[RUNAWAY])
         # NaN fails every comparison; a lost position would leave its particle without neighbours, and unseen
-        if not (v2 < limit * limit and wp.abs(density_excess[i]) < real(0.9) and wp.dot(x, x) < real(1.0e30)):
+        if not (v2 < limit * limit and density_excess[i] < real(SMAX) and density_excess[i] > real(-0.9) and wp.dot(x, x) < real(1.0e30)):
             wp.atomic_min(faults, slot, i)
 
     return kick_drift

@@ -52,6 +52,10 @@ def make_momentum(spec: Spec) -> Any:
     # ratio 1 in a nearly inviscid fluid, 6 particles a radius: dispersed without, whole from 0.1 on). More of it opens the
     # interface: 0.25 adds 1 % to the jump of a drop of 13 particles a radius.
     apart = 0.1
+    import os
+    WALL = float(os.environ.get("W_WALL", "1"))
+    LIMITER = float(os.environ.get("W_LIM", "0"))
+    ALONE = bool(int(os.environ.get("W_ALONE", "0")))
     smallest_moment = 0.1  # determinant below which a neighbourhood is too thin to correct
 
     @wp.kernel(module="unique", enable_backward=False, module_options=SWEEP_OPTIONS)
@@ -113,6 +117,9 @@ def make_momentum(spec: Spec) -> Any:
         flow = mat()  # sum of (v_j - v_i) (x) F V x_ij over the own phase: its velocity gradient
         repulsion = vec()
         moment = mat()
+        into_wall = vec()
+        own_even = vec()
+        approach = real(0.0)
         room = state_i[1]  # sum of (1 - r^2/R^2)^2 V, its own place included
         fluid_count = particle_count - slip.shape[0]
         k = list_begin(i, list_width)
@@ -143,6 +150,7 @@ def make_momentum(spec: Spec) -> Any:
                     other_phase = int(phase[j])
                     mu = own.viscosity
                     if other_phase == own_phase:
+                        own_even += fd
                         if wp.static(spec.shifting):
                             flow += wp.outer(velocity[j] - vi, fd)
                         if wp.static(spec.corrected):
@@ -193,6 +201,7 @@ def make_momentum(spec: Spec) -> Any:
                 pressure_sum += (state_j[0] + p_i) * fd
                 if wp.static(spec.shifting):
                     own_sum += (state_j[0] - p_i) * fd
+            own_even += fd
             if wp.static(spec.shifting):
                 even += fd
                 flow += wp.outer(velocity[j] - vi, fd)
@@ -212,6 +221,8 @@ def make_momentum(spec: Spec) -> Any:
                 r2 = wp.dot(d, d)
                 f = slope(wp.sqrt(r2) * params.inv_h) * params.wall_volume
                 fd = f * d
+                into_wall += fd
+                approach += wp.dot(vi - velocity[j], fd)
                 p_wall = state[j][0]
                 if wp.static(spec.multiphase):
                     # the one-sided state of this particle's own fluid: extrapolated from several fluids at a contact
@@ -242,6 +253,17 @@ def make_momentum(spec: Spec) -> Any:
                         viscous_sum += (own.viscosity * f) * viscous_term(
                             vi - mirror, d, r2 + params.tiny, params.inv_h
                         )
+
+            strength_w = wp.length(into_wall)
+            if approach > real(0.0) and strength_w * params.g_norm * params.h > real(1.0e-4):
+                u_n = approach / strength_w
+                share = real(1.0)
+                if wp.static(ALONE):
+                    share = real(1.0) - wp.clamp(-wp.dot(own_even, into_wall) / (strength_w * strength_w), real(0.0), real(1.0))
+                beta = own.sound_speed
+                if wp.static(LIMITER > 0.0):
+                    beta = wp.min(beta, real(LIMITER) * u_n)
+                pressure_sum += into_wall * (real(WALL) * share * own.density * beta * u_n)
 
         g_norm = params.g_norm
         a = vec()

@@ -41,6 +41,10 @@ from typing import Any
 
 import numpy as np
 
+sys.path.insert(0, str(Path(__file__).parent))  # when imported instead of run
+import random_scenes  # noqa: E402
+
+SCENE_STEPS = 20_000  # of a random scene
 RADIUS = 0.25  # of drop and bubble; a quarter of the box
 SAMPLES = 20
 ENERGY_LIMIT = 0.01
@@ -417,7 +421,7 @@ def run(scene_name: str, point: Point, steps: int, device: str, threads: int | N
     }
 
 
-def run_all(jobs: list[tuple[Any, ...]], processes: int) -> Iterator[dict[str, Any]]:
+def run_all(run: Callable[..., Any], jobs: list[tuple[Any, ...]], processes: int) -> Iterator[dict[str, Any]]:
     """Yield the rows of `run(*job)` in the order of the jobs, from that many processes at a time."""
     if processes == 1:
         for job in jobs:
@@ -487,6 +491,31 @@ def plain(value: Any) -> Any:
     return value
 
 
+def run_scenes(chosen: argparse.Namespace) -> int:
+    """Run random scenes, seeds `--seed` and following, print their table and return the exit code."""
+    steps = chosen.steps or SCENE_STEPS
+    changes = dict(text.split("=", 1) for text in chosen.set)
+    jobs = []
+    for number, seed in enumerate(range(chosen.seed, chosen.seed + chosen.scenes)):
+        device = "cuda:0" if chosen.gpu_share and number % chosen.gpu_share == 0 else chosen.device
+        jobs.append((seed, steps, device, chosen.threads, changes))
+    print(random_scenes.HEAD)
+    rows, failed = [], 0
+    begin = time.perf_counter()
+    for row in run_all(random_scenes.run, jobs, chosen.processes):
+        rows.append(row)
+        failed += not all(entry["ok"] for entry in row["criteria"].values())
+        print(random_scenes.line(row), flush=True)
+    missed = {name: sum(not row["criteria"][name]["ok"] for row in rows) for name in random_scenes.CRITERIA}
+    counts = ", ".join(f"{name} {count}" for name, count in missed.items())
+    print(f"{len(rows)} scenes, {failed} missed a limit ({counts}), {time.perf_counter() - begin:.0f} s")
+    if chosen.json:
+        chosen.json.parent.mkdir(parents=True, exist_ok=True)
+        head = {"device": chosen.device, "gpu_share": chosen.gpu_share, "steps": steps, "seed": chosen.seed, "missed": missed}
+        chosen.json.write_text(json.dumps(plain({**head, "rows": rows}), indent=1))
+    return 1 if failed else 0
+
+
 def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--quick", action="store_true", help="24 particles across instead of 40")
@@ -498,12 +527,17 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--random", type=int, default=4, metavar="N", help="random points of each scene (default: 4)")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--point", nargs="+", metavar="KEY=VALUE", help="run this point alone")
+    parser.add_argument("--scenes", type=int, metavar="N", help="random scenes instead, see random_scenes.py (`--seed S`)")
+    parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="change random scenes, for a look")
+    parser.add_argument("--gpu-share", type=int, default=0, metavar="K", help="every K-th random scene on cuda:0")
     parser.add_argument("--json", type=Path, help="write the rows to a file")
     chosen = parser.parse_args(arguments)
     if chosen.steps is not None and chosen.steps < 1:
         parser.error("--steps: needs at least 1")
     if chosen.processes < 1:
         parser.error("--processes: needs at least 1")
+    if chosen.scenes is not None:
+        return run_scenes(chosen)
     steps = chosen.steps or STEPS
 
     from warpsph.case import Case
@@ -527,7 +561,7 @@ def main(arguments: list[str] | None = None) -> int:
         if single is None:
             points = one_at_a_time(base, axes, automatic) + random_points(chosen.random, chosen.seed, axes, name)
         jobs += [(name, point, steps, chosen.device, chosen.threads) for point in points]
-    for (_, point, *_), row in zip(jobs, run_all(jobs, chosen.processes), strict=True):
+    for (_, point, *_), row in zip(jobs, run_all(run, jobs, chosen.processes), strict=True):
         rows.append(row)
         failed += not all(entry["ok"] for entry in row["criteria"].values())
         print(line(row, differences(point, base)), flush=True)

@@ -11,6 +11,7 @@ import warp as wp
 
 from warpsph.geometry import Geometry, build
 from warpsph.kernels import clock as ck
+from warpsph.kernels.leaks import LARGEST, LAST
 from warpsph.kernels.mirror import FREE_SLIP, NO_SLIP, NO_WALL, make_sides
 from warpsph.kernels.params import make_params, make_phase
 from warpsph.kernels.smoothing import KERNELS, window_integral
@@ -88,6 +89,7 @@ class Model:
         )
         self._fill()
         self.stepper = self._make_stepper()
+        self._leak_tasks = self.stepper.list.leak_tasks("position")
 
     # start ---------------------------------------------------------------------------------------------------------
 
@@ -178,6 +180,8 @@ class Model:
             "sides": self._sides(),
             "phases": wp.array(rows, dtype=Phase, device=self.device),
             "tension": wp.array(physics.tension.ravel(), dtype=real, device=self.device),
+            "phase_count": len(case.phases),
+            **self._solid_cells(),
             "contact_angles": wp.array(contact_matrix(case).ravel(), dtype=real, device=self.device),
         }
         skin = float(physics.choices["skin"])
@@ -260,6 +264,34 @@ class Model:
         sides.velocity = wp.array(np.array(speeds), dtype=vec, device=self.device)
         self._kept_sides = sides  # the arrays in it live as long as this
         return sides
+
+    def _solid_cells(self) -> dict[str, Any]:
+        """Return which cells of the domain a body fills, by kernel argument; no cells if there is no body."""
+        lattice = self.geometry.lattice
+        walls = self.geometry.position[self.geometry.kind == 1]
+        index = np.floor((walls - np.array(lattice.lower)) / np.array(lattice.spacing)).astype(int)
+        inside = ((index >= 0) & (index < np.array(lattice.count))).all(axis=1)
+        cells = np.zeros(lattice.count if inside.any() else 0, dtype=np.uint8)
+        if inside.any():
+            cells[tuple(index[inside].T)] = 1
+        return {
+            "solid_cells": wp.array(cells.ravel(), dtype=wp.uint8, device=self.device),
+            "solid_shape": wp.vec3i(*([*lattice.count, 1, 1])[:3]),
+        }
+
+    def leaks(self) -> tuple[dict[str, int], dict[str, int]]:
+        """Return (most, now): fluid particles beyond a wall of the domain or inside a body, by phase.
+
+        `most` is the largest number that a build of the neighbour list has found so far, or the present one.
+        """
+        for task in self._leak_tasks:
+            task.run()
+        counts = self.stepper.bindings["leak_counts"].numpy().reshape(-1, 2)
+        names = self.case.phase_names
+        return (
+            {name: int(counts[k, LARGEST]) for k, name in enumerate(names)},
+            {name: int(counts[k, LAST]) for k, name in enumerate(names)},
+        )
 
     def _mean_velocity(self) -> np.ndarray:
         """Return the velocity of the centre of mass of the fluid, (d,) [m/s]."""
@@ -367,6 +399,7 @@ class Model:
             "clock": np.array(clock),
             "counters": np.array(counters),
             "maxima": self.stepper.maxima.numpy().reshape(-1, ck.MAXIMA).max(axis=0),
+            "leak_counts": self.stepper.bindings["leak_counts"].numpy(),
         }
 
     def load_state(self, state: dict[str, np.ndarray]) -> None:
@@ -381,6 +414,8 @@ class Model:
                     raise ValueError(f"the saved state has no field {name}")
                 self.particles.put(name, state[name])
         self.stepper.maxima.assign(np.tile(state["maxima"], self.launcher.threads))
+        if "leak_counts" in state:  # checkpoints from before did not count
+            self.stepper.bindings["leak_counts"].assign(state["leak_counts"])
         clock = np.array(self.stepper.read()[0])
         saved = state["clock"]
         for index in (

@@ -16,6 +16,7 @@ import warp as wp
 from warpsph.errors import CapacityError
 from warpsph.kernels import cells, slack
 from warpsph.kernels.clock import BAND_COUNT, make_judge
+from warpsph.kernels.leaks import make_leaks
 from warpsph.kernels.mirror import code_shift, make_sides
 from warpsph.kernels.spec import Spec, types_of
 from warpsph.launch import Bindings, Launcher, Task
@@ -118,6 +119,13 @@ class NeighbourList:
         self.sort_order = wp.zeros(2 * n, dtype=int, device=device)
         self.list_peak = wp.zeros(launcher.threads, dtype=int, device=device)
         self._scratch: dict[Any, Any] = {}
+        self._counts_leaks = "solid_cells" in bindings
+        if self._counts_leaks:
+            phases = int(bindings["phase_count"])
+            bindings.update(
+                leaks_found=wp.zeros(launcher.threads * phases, dtype=int, device=device),
+                leak_counts=wp.zeros(2 * phases, dtype=int, device=device),
+            )
         bindings.update(
             grid=grid,
             cell_start=self.cell_start,
@@ -206,6 +214,7 @@ class NeighbourList:
                 )
             )
             tasks.append(Task("permute", _copier(array, scratch, rows)))
+        tasks += self.leak_tasks("anchor")
         tasks.append(launcher.task("ranges", cells.make_ranges(), self.cell_start.shape[0], bindings))
         tasks.append(launcher.task("list", cells.make_list(spec), n, bindings))
         if spec.interface:
@@ -221,6 +230,22 @@ class NeighbourList:
                 tasks.append(launcher.task("band", gather, fluid, bindings))
         tasks.append(launcher.task("finish", cells.make_finish(spec.precision), 1, bindings, single=True))
         return tasks
+
+    def leak_tasks(self, place: str) -> list[Task]:
+        """Return the tasks that count fluid beyond walls and inside bodies (`kernels/leaks.py`); none where nobody asks.
+
+        Args:
+            place: the field that holds the positions: `anchor` right after a build, else `position`.
+        """
+        if not self._counts_leaks:
+            return []
+        count, close = make_leaks(self.particles.spec)
+        fluid = self.particles.fluid_count
+        special = {"place": self.particles.arrays[place]}
+        return [
+            self.launcher.task("leaks", count, fluid, self.bindings, special=special),
+            self.launcher.task("leaks", close, 1, self.bindings, single=True),
+        ]
 
     def _make_check_tasks(self) -> list[Task]:
         """Return the tasks that find out whether the list outlasts the next steps, see `kernels/slack.py`."""
