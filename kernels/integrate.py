@@ -16,14 +16,13 @@ from .clock import DRIFT_VELOCITY, EXCESS_PRESSURE, LAST_STEP, MAXIMA, RUNAWAY, 
 from .params import make_phase
 from .spec import Spec, types_of
 
+LEAST_DENSITY = 0.9  # rarefaction 1 - rho/rho0 beyond which a run has diverged: its particle stands for ten times its room
 
 @functools.cache
 def make_kick_drift(spec: Spec) -> Any:
     """Return the kernel that moves the fluid particles and watches speed, way and faults."""
     real, vec, _, pair = types_of(spec)
     Phase = make_phase(spec.precision)
-    import os
-    SMAX = float(os.environ.get("W_SMAX", "0.9"))
 
     @wp.kernel(module="unique", enable_backward=False)
     def kick_drift(
@@ -78,7 +77,11 @@ def make_kick_drift(spec: Spec) -> Any:
             wp.atomic_max(maxima, slot * MAXIMA + 2, o2)
         limit = real(clock[RUNAWAY])
         # NaN fails every comparison; a lost position would leave its particle without neighbours, and unseen
-        if not (v2 < limit * limit and density_excess[i] < real(SMAX) and density_excess[i] > real(-0.9) and wp.dot(x, x) < real(1.0e30)):
+        material = int(0)
+        if wp.static(spec.multiphase):
+            material = int(phase[i])
+        dense = density_excess[i] < phases[material].most_excess and density_excess[i] > real(wp.static(-LEAST_DENSITY))
+        if not (v2 < limit * limit and dense and wp.dot(x, x) < real(1.0e30)):
             wp.atomic_min(faults, slot, i)
 
     return kick_drift

@@ -1,5 +1,8 @@
 """Particles that are where no fluid can be: beyond a wall of the domain or inside a body.
 
+Inside a body is who is nearer than half a spacing to the centre of one of its cells: the corners of its staircase are none
+of its surface.
+
 They are counted whenever the neighbour list is built: nothing gets through a wall without a way that asks for a new list.
 `leak_counts` holds, per phase: the particles counted at the last build, and the most that any build has found.
 """
@@ -42,16 +45,18 @@ def make_leaks(spec: Spec) -> tuple[Any, Any]:
         x = place[i]
         outside = bool(False)
         cell = int(0)
+        from_centre = real(0.0)
         for axis in range(wp.static(dimension)):
             if x[axis] < sides.lower[axis]:
                 outside = outside or sides.kind[2 * axis] != NO_WALL
             if x[axis] > sides.upper[axis]:
                 outside = outside or sides.kind[2 * axis + 1] != NO_WALL
-            share = (x[axis] - sides.lower[axis]) / (sides.upper[axis] - sides.lower[axis])
-            index = wp.clamp(int(wp.floor(share * real(solid_shape[axis]))), 0, solid_shape[axis] - 1)
+            place_in_cells = (x[axis] - sides.lower[axis]) / (sides.upper[axis] - sides.lower[axis]) * real(solid_shape[axis])
+            index = wp.clamp(int(wp.floor(place_in_cells)), 0, solid_shape[axis] - 1)
             cell = cell * solid_shape[axis] + index
+            from_centre += (place_in_cells - real(index) - real(0.5)) * (place_in_cells - real(index) - real(0.5))
         if solid_cells.shape[0] > 0:
-            outside = outside or solid_cells[cell] != wp.uint8(0)
+            outside = outside or (solid_cells[cell] != wp.uint8(0) and from_centre < real(0.25))
         if outside:
             own = int(0)
             if wp.static(spec.multiphase):

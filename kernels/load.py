@@ -45,6 +45,7 @@ def make_load(spec: Spec) -> Any:
         state: wp.array(dtype=pair),
         mirror_velocity: wp.array(dtype=vec),
         slip: wp.array(dtype=wp.uint8),
+        wall_impact: wp.array(dtype=real),
         load: wp.array(dtype=vec),
     ):
         w = wp.tid() + first
@@ -69,7 +70,7 @@ def make_load(spec: Spec) -> Any:
                 if wp.static(spec.gravity):
                     p_w -= phases[own].density * rest_volume[j] / state_j[1] * wp.dot(params.gravity, d)
             f = slope(wp.sqrt(r2) * params.inv_h) * state_j[1] * params.wall_volume * params.g_norm
-            force += ((state_j[0] + p_w) * f) * d
+            force += ((state_j[0] + p_w + wall_impact[j]) * f) * d
             if wp.static(spec.wall_no_slip):
                 if slip[w] == wp.uint8(0):
                     force -= (phases[own].viscosity * f) * viscous_term(

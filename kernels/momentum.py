@@ -10,6 +10,12 @@ With it the density of a filled domain is held to the room that its particles ta
     d ln rho_i/dt += G:M - tr(G) tr(M)/d + b |grad v| E_i,   E_i = sum_j V_j (1 - r^2/R^2)^2 / integral - 1
 The first two take out what the moment M = -sum grad W (x) x V makes of a strain G in the continuity sweep; E_i sees what is
 left: unlike sum W V it has hardly a bias or noise taken at particles (1e-4 and 4e-3 on shifted ones at R = 3 spacings).
+
+Walls: the one-sided Riemann problem between a fluid that moves at u_n into a wall and its mirror image has
+    p*_i = p_i + Z_i max(u_n, 0)
+A fluid that is whole up to the wall makes that pressure by itself, in the continuity sweep, within the time that sound takes
+for a spacing. A particle without its own phase behind it does not: spray, or gas between a liquid and a wall. So the impact
+term counts as far as the own phase is missing (`alone`), along the normal of all wall particles in reach.
 """
 
 import functools
@@ -20,7 +26,7 @@ import warp as wp
 from .clock import MAXIMA, STEP
 from .pair import BAND, NEAR, WRAPPED, make_entry, separation_of
 from .params import make_params, make_phase
-from .riemann import make_jump, make_star
+from .riemann import make_jump, make_star, make_wall_pressure
 from .smoothing import make_smoothing
 from .spec import SWEEP_OPTIONS, Spec, types_of
 from .viscosity import make_viscosity
@@ -37,6 +43,7 @@ def make_momentum(spec: Spec) -> Any:
     list_begin, list_step = make_entry(spec.row_list)
     _, star_pressure = make_star(spec.precision, spec.paper_star)
     laplace_jump = make_jump(spec.precision)
+    wall_pressure = make_wall_pressure(spec.dimension, spec.precision)
     viscous = spec.viscosity != "none"
     viscous_term = make_viscosity(spec.viscosity if viscous else "morris", spec.dimension, spec.precision)
     periodic = any(spec.periodic)
@@ -52,10 +59,6 @@ def make_momentum(spec: Spec) -> Any:
     # ratio 1 in a nearly inviscid fluid, 6 particles a radius: dispersed without, whole from 0.1 on). More of it opens the
     # interface: 0.25 adds 1 % to the jump of a drop of 13 particles a radius.
     apart = 0.1
-    import os
-    WALL = float(os.environ.get("W_WALL", "1"))
-    LIMITER = float(os.environ.get("W_LIM", "0"))
-    ALONE = bool(int(os.environ.get("W_ALONE", "0")))
     smallest_moment = 0.1  # determinant below which a neighbourhood is too thin to correct
 
     @wp.kernel(module="unique", enable_backward=False, module_options=SWEEP_OPTIONS)
@@ -83,6 +86,7 @@ def make_momentum(spec: Spec) -> Any:
         mirror_velocity: wp.array(dtype=vec),
         slip: wp.array(dtype=wp.uint8),
         density_excess: wp.array(dtype=real),
+        wall_impact: wp.array(dtype=real),
         acceleration: wp.array(dtype=vec),
         shift: wp.array(dtype=vec),
         carried: wp.array(dtype=vec),
@@ -115,11 +119,12 @@ def make_momentum(spec: Spec) -> Any:
         viscous_sum = vec()
         even = vec()  # sum of F V x_ij, zero on an even arrangement; other phases with an extra weight
         flow = mat()  # sum of (v_j - v_i) (x) F V x_ij over the own phase: its velocity gradient
+        wall_flow = mat()  # the same over no-slip walls and the velocities mirrored in them
+        own_even = vec()  # sum of F V x_ij over the own phase
+        into_wall = vec()  # the same over walls: their normal, away from the fluid
+        approach = real(0.0)  # sum of F V x_ij.(v_i - v_w): speed into the wall times |into_wall|
         repulsion = vec()
         moment = mat()
-        into_wall = vec()
-        own_even = vec()
-        approach = real(0.0)
         room = state_i[1]  # sum of (1 - r^2/R^2)^2 V, its own place included
         fluid_count = particle_count - slip.shape[0]
         k = list_begin(i, list_width)
@@ -150,7 +155,8 @@ def make_momentum(spec: Spec) -> Any:
                     other_phase = int(phase[j])
                     mu = own.viscosity
                     if other_phase == own_phase:
-                        own_even += fd
+                        if wp.static(spec.walls):
+                            own_even += fd
                         if wp.static(spec.shifting):
                             flow += wp.outer(velocity[j] - vi, fd)
                         if wp.static(spec.corrected):
@@ -201,7 +207,8 @@ def make_momentum(spec: Spec) -> Any:
                 pressure_sum += (state_j[0] + p_i) * fd
                 if wp.static(spec.shifting):
                     own_sum += (state_j[0] - p_i) * fd
-            own_even += fd
+            if wp.static(spec.walls):
+                own_even += fd
             if wp.static(spec.shifting):
                 even += fd
                 flow += wp.outer(velocity[j] - vi, fd)
@@ -249,26 +256,24 @@ def make_momentum(spec: Spec) -> Any:
                     if slip[j - fluid_count] == wp.uint8(0):
                         mirror = mirror_velocity[j - fluid_count]
                         if wp.static(spec.shifting):
-                            flow += wp.outer(mirror - vi, fd)
+                            wall_flow += wp.outer(mirror - vi, fd)
                         viscous_sum += (own.viscosity * f) * viscous_term(
                             vi - mirror, d, r2 + params.tiny, params.inv_h
                         )
 
-            strength_w = wp.length(into_wall)
-            if approach > real(0.0) and strength_w * params.g_norm * params.h > real(1.0e-4):
-                u_n = approach / strength_w
-                share = real(1.0)
-                if wp.static(ALONE):
-                    share = real(1.0) - wp.clamp(-wp.dot(own_even, into_wall) / (strength_w * strength_w), real(0.0), real(1.0))
-                beta = own.sound_speed
-                if wp.static(LIMITER > 0.0):
-                    beta = wp.min(beta, real(LIMITER) * u_n)
-                pressure_sum += into_wall * (real(WALL) * share * own.density * beta * u_n)
+        if wp.static(spec.walls):
+            impact_pressure = wall_pressure(own.impedance, approach, into_wall, own_even, params.g_norm * params.h)
+            # twice: the state in the mirror has that pressure too
+            pressure_sum += (real(2.0) * impact_pressure) * into_wall
+            wall_impact[i] = real(2.0) * impact_pressure
 
         g_norm = params.g_norm
         a = vec()
         gradient = own_sum * g_norm  # of the pressure, from the own phase [Pa/m]
-        shear = flow * g_norm  # velocity gradient, shear[a, b] = d v_a / d x_b [1/s]
+        inner_shear = flow * g_norm  # velocity gradient of the fluid alone [1/s]
+        shear = inner_shear  # with what no-slip walls make of it, shear[a, b] = d v_a / d x_b [1/s]
+        if wp.static(spec.wall_no_slip and spec.shifting):
+            shear = (flow + wall_flow) * g_norm
         if wp.static(spec.corrected):
             total = (pressure_sum + own_sum) * g_norm
             m = moment * g_norm
@@ -280,6 +285,7 @@ def make_momentum(spec: Spec) -> Any:
                 gradient = inverse * gradient
                 if wp.static(spec.shifting):
                     shear = shear * inverse
+                    inner_shear = inner_shear * inverse
                     if wp.static(spec.viscosity == "morris" or spec.viscosity == "radial"):
                         # Both forms are exact for a quadratic field on an even arrangement: take out what an uneven one
                         # makes of a linear field, and divide by the second moment (methods 0.2, column L).
@@ -320,8 +326,10 @@ def make_momentum(spec: Spec) -> Any:
             if length > cap:
                 dx = dx * (cap / length)
             shift[i] = dx
-            # what the particle carries is that of its new place: dv = grad v dx, ds = dx.grad p / (rho0 c^2)
-            carried[i] = shear * dx
+            # What the particle carries is that of its new place: dv = grad v dx, ds = dx.grad p / (rho0 c^2). The mirrored
+            # velocities take no part: the shift keeps a particle off a wall that the flow holds it against, step by step, and
+            # would pump up its velocity by as much each time, up to 14-fold with what is mirrored far behind the wall.
+            carried[i] = inner_shear * dx
             s = density_excess[i] + wp.dot(dx, gradient) * own.compressibility
             if wp.static(spec.room):
                 # E: how far the place that the particles take falls short of what their densities say

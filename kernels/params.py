@@ -56,5 +56,6 @@ def make_phase(precision: str) -> Any:
         impedance: real  # Z = rho0 c [kg/(m^2 s)]
         compressibility: real  # 1/(rho0 c^2) [1/Pa]
         mobility: real  # theta/Z, star velocity for a pressure difference [m/(s Pa)]
+        most_excess: real  # density excess beyond which a run has diverged [-]
 
     return Phase

@@ -72,3 +72,33 @@ def make_jump(precision: str) -> Any:
         return jump
 
     return laplace_jump
+
+
+@functools.cache
+def make_wall_pressure(dimension: int, precision: str) -> Any:
+    """Return the `wp.func` wall_pressure(Z, approach, into_wall, own_even, norm) = alone Z max(u_n, 0) [Pa].
+
+    The pressure that the one-sided Riemann problem adds to p_i for a particle that moves into a wall at u_n, seed 000 eq (28).
+
+    Arguments of the function:
+        Z: impedance [kg/(m^2 s)]
+        approach: sum over the wall of F V x_ij.(v_i - v_w) [m/s times the unit of into_wall]
+        into_wall: sum over the wall of F V x_ij, x_ij from the wall particle to the fluid particle
+        own_even: the same over the fluid of the own phase
+        norm: makes `into_wall` dimensionless
+    alone = 1 + own_even.into_wall/|into_wall|^2, in 0..1: 0 where the own phase stands against the wall as a whole, 1 where
+    there is none.
+    """
+    real, vec, _, _ = types(dimension, precision)
+    edge = 1.0e-4  # of the support: a wall that is hardly in reach has no normal yet
+
+    @wp.func
+    def wall_pressure(z: real, approach: real, into_wall: vec, own_even: vec, norm: real):
+        result = real(0.0)
+        size = wp.length(into_wall)
+        if approach > real(0.0) and size * norm > real(edge):
+            alone = wp.clamp(real(1.0) + wp.dot(own_even, into_wall) / (size * size), real(0.0), real(1.0))
+            result = alone * z * approach / size
+        return result
+
+    return wall_pressure

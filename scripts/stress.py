@@ -35,7 +35,7 @@ import random
 import sys
 import time
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from pathlib import Path
 from typing import Any
 
@@ -421,15 +421,18 @@ def run(scene_name: str, point: Point, steps: int, device: str, threads: int | N
     }
 
 
-def run_all(run: Callable[..., Any], jobs: list[tuple[Any, ...]], processes: int) -> Iterator[dict[str, Any]]:
-    """Yield the rows of `run(*job)` in the order of the jobs, from that many processes at a time."""
+def run_all(
+    run: Callable[..., Any], jobs: list[tuple[Any, ...]], processes: int, ordered: bool = True
+) -> Iterator[dict[str, Any]]:
+    """Yield the rows of `run(*job)` from that many processes at a time, in the order of the jobs or as they are done."""
     if processes == 1:
         for job in jobs:
             yield run(*job)
         return
     # Warp does not survive a fork
     with ProcessPoolExecutor(processes, mp_context=multiprocessing.get_context("spawn"), initializer=quiet) as pool:
-        for future in [pool.submit(run, *job) for job in jobs]:
+        futures = [pool.submit(run, *job) for job in jobs]
+        for future in futures if ordered else as_completed(futures):
             yield future.result()
 
 
@@ -502,10 +505,11 @@ def run_scenes(chosen: argparse.Namespace) -> int:
     print(random_scenes.HEAD)
     rows, failed = [], 0
     begin = time.perf_counter()
-    for row in run_all(random_scenes.run, jobs, chosen.processes):
+    for row in run_all(random_scenes.run, jobs, chosen.processes, ordered=False):
         rows.append(row)
         failed += not all(entry["ok"] for entry in row["criteria"].values())
         print(random_scenes.line(row), flush=True)
+    rows.sort(key=lambda row: row["seed"])
     missed = {name: sum(not row["criteria"][name]["ok"] for row in rows) for name in random_scenes.CRITERIA}
     counts = ", ".join(f"{name} {count}" for name, count in missed.items())
     print(f"{len(rows)} scenes, {failed} missed a limit ({counts}), {time.perf_counter() - begin:.0f} s")

@@ -201,6 +201,7 @@ class Setup:
             row.sound_speed = fluid.sound_speed
             row.gamma = fluid.gamma
             row.background = fluid.background
+            row.most_excess = 0.9
             row.stiffness = fluid.density * fluid.sound_speed**2 / fluid.gamma
             row.impedance = fluid.density * fluid.sound_speed
             row.compressibility = 1.0 / (fluid.density * fluid.sound_speed**2)

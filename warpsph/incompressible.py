@@ -171,5 +171,6 @@ def derive(case: Case, geometry: Geometry, row_list: bool) -> Physics:
         step_cap=cap,
         runaway=100.0 * scales["velocity"] if scales["velocity"] > 0 else math.inf,
         warnings=tuple(warnings),
+        densities=(phase.density,),
         viscous_step=explicit if implicit else 0.0,
     )

@@ -173,6 +173,7 @@ class Model:
             row.viscosity = given.viscosity
             row.impedance = given.density * c
             row.compressibility = 1.0 / (given.density * c**2)
+            row.most_excess = physics.most_excess(given.gamma, given.density, c)
             row.mobility = float(physics.choices.get("velocity_dissipation", 0.0)) / (given.density * c)
             rows.append(row)
         values: dict[str, Any] = {
@@ -292,6 +293,12 @@ class Model:
             {name: int(counts[k, LARGEST]) for k, name in enumerate(names)},
             {name: int(counts[k, LAST]) for k, name in enumerate(names)},
         )
+
+    def most_excess(self, row: int) -> float:
+        """Return the density excess beyond which the particle in that row of the fields has diverged [-]."""
+        index = int(self.particles.get("phase")[row]) if self.physics.spec.multiphase else 0
+        given = self.case.phases[self.case.phase_names[index]]
+        return self.physics.most_excess(given.gamma, given.density, self.physics.sound_speed[index])
 
     def _mean_velocity(self) -> np.ndarray:
         """Return the velocity of the centre of mass of the fluid, (d,) [m/s]."""

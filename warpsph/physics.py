@@ -37,6 +37,8 @@ STIFFER = {True: 50.0, False: 1000.0}
 CORNER = 0.1
 # Forward-Euler limits of the viscous terms in rho h^2/mu (methods A9), with a margin.
 VISCOUS_LIMIT = {"morris": 0.125, "radial": 0.06, "paper": 0.06}
+# Density excess that is never a fault by itself: the counterpart of the rarefaction that is one, `integrate.LEAST_DENSITY`.
+LEAST_EXCESS = 0.9
 IMPROVED_RATIO = 1.5
 PAPER_RATIO = 1.25
 SKIN = 0.12
@@ -72,7 +74,7 @@ class Physics:
         choices: what `auto` came to, by key of `numerics`.
         reasons: why, by the same keys (where it is not obvious).
         h: smoothing length [m]; support: support radius [m].
-        sound_speed: per phase [m/s].
+        sound_speed: per phase [m/s]; densities: reference density per phase [kg/m^3].
         scales: velocity [m/s], length [m], pressure [Pa] that the flow is expected to see.
         tension: (phases, phases) surface tension of each pair [N/m].
         step_cap: constant limits of the time step by name [s].
@@ -92,7 +94,21 @@ class Physics:
     step_cap: dict[str, float]
     runaway: float
     warnings: tuple[str, ...]
+    densities: tuple[float, ...]
     viscous_step: float = 0.0
+
+    @property
+    def hardest_pressure(self) -> float:
+        """Largest rho c^2 of the phases [Pa]: what the hardest of them makes when it is stopped at the speed of its sound."""
+        return max(rho * c**2 for rho, c in zip(self.densities, self.sound_speed, strict=True))
+
+    def most_excess(self, gamma: float, density: float, sound_speed: float) -> float:
+        """Return the density excess at which a phase carries the hardest pressure [-]: more is divergence.
+
+        A gas that a liquid runs into may be pressed to several times its density: that is no fault, it is its equation of state.
+        """
+        ratio = 1.0 + gamma * self.hardest_pressure / (density * sound_speed**2)
+        return float(max(ratio ** (1.0 / gamma) - 1.0, LEAST_EXCESS))
 
     def estimated_step(self) -> float:
         """Return the time step to expect [s], before the flow is known."""
@@ -234,6 +250,7 @@ def derive(case: Case, geometry: Geometry, row_list: bool = True) -> Physics:
         step_cap=cap,
         runaway=10.0 * max(max(wanted), scales["velocity"]),
         warnings=tuple(warnings),
+        densities=tuple(phase.density for phase in phases),
     )
 
 

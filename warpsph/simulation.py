@@ -318,6 +318,8 @@ class Simulation:
 
     def _fail(self, row: int, writer: Writer | None) -> None:
         """Report the particle that ran away and keep the state for a look."""
+        from warpsph.kernels.integrate import LEAST_DENSITY
+
         model = self.model
         identity = int(model.particles.get("particle_id")[row])
         velocity = model.particles.get("velocity")[row].astype(float)
@@ -328,8 +330,9 @@ class Simulation:
             quantity, value = "position", "not finite"
         elif not math.isfinite(speed):
             quantity, value = "velocity", "not finite"
-        elif not math.isfinite(excess) or abs(excess) >= 0.9:
-            quantity, value = "density", f"rho/rho0 - 1 = {excess:.3g}"
+        elif not math.isfinite(excess) or not -LEAST_DENSITY < excess < (most := model.most_excess(row)):
+            limits = f", limits {-LEAST_DENSITY:g} and {most:.3g}" if math.isfinite(excess) else ""
+            quantity, value = "density", f"rho/rho0 - 1 = {excess:.3g}{limits}"
         elif speed >= self.physics.runaway:
             quantity, value = "velocity", f"{speed:.4g} m/s, limit {self.physics.runaway:.4g} m/s"
         else:
@@ -528,6 +531,7 @@ class Simulation:
                 "writing beside the run": writer.busy_seconds if writer is not None else 0.0,
             },
             **self._solves(),
+            **self._leaks(),
             "sound_speed": dict(zip(self.case.phase_names, self.physics.sound_speed, strict=True)),
             "smoothing_length": self.physics.h,
             "machine": _machine(),
@@ -535,6 +539,24 @@ class Simulation:
             "warnings": list(self.warnings),
             "errors": {entry["quantity"]: entry for entry in results},
         }
+
+    def _leaks(self) -> dict[str, Any]:
+        """Return the fluid particles beyond walls and inside bodies for the summary; warn if there were any."""
+        most, last = self.model.leaks()
+        if any(most.values()):
+            counts = ", ".join(f"{name} {most[name]} (at the end {last[name]})" for name in most if most[name])
+            self._warn(
+                f"particles beyond a wall or inside a body: {counts}; what they do there means nothing. "
+                "A smaller particle_spacing, or a start without a jump of the velocity at a wall, keeps them in"
+            )
+        return {"leaks": {"largest": most, "last": last}}
+
+    def _warn(self, text: str) -> None:
+        """Add a warning to the summary and the log of a run that is over."""
+        self.warnings.append(text)
+        if self.folder is not None:
+            with suppress(OutputError):
+                self.folder.log(f"warning: {text}")
 
     def _solves(self) -> dict[str, Any]:
         """Return the sums over the pressure solves of an ISPH run for the summary; warn of those that failed."""
@@ -556,10 +578,7 @@ class Simulation:
                 "numerics.maximum_iterations, lower numerics.maximum_step, or use precision: float64"
             )
         for text in texts:
-            self.warnings.append(text)
-            if self.folder is not None:
-                with suppress(OutputError):
-                    self.folder.log(f"warning: {text}")
+            self._warn(text)
         return {"solver": totals}
 
     @contextmanager
