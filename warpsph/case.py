@@ -115,6 +115,7 @@ __all__ = [
     "WallForceGauge",
     "Where",
     "case_schema",
+    "rename_files",
     "set_path",
 ]
 
@@ -1427,13 +1428,13 @@ class Case(CaseModel):
 
     def make_files_absolute(self, data: dict[str, Any]) -> None:
         """Turn the names of reference files in a plain case into absolute paths, in place."""
-        if self.source_folder is None:
-            return
-        for reference in data.get("reference", {}).values():
-            for part in ("curve", "curves", "interface"):
-                if part in reference:
-                    file = self.reference_file(reference[part]["file"])
-                    reference[part]["file"] = str(file.resolve())
+        if self.source_folder is not None:
+            rename_files(data, {name: str(path.resolve()) for name, path in self.reference_files.items()})
+
+    @property
+    def reference_files(self) -> dict[str, Path]:
+        """Path of each reference file by the name that the case has for it."""
+        return {holder["file"]: self.reference_file(holder["file"]) for holder in _file_holders(self.to_dict())}
 
     # -- short cuts ------------------------------------------------------------
 
@@ -1482,6 +1483,18 @@ class Case(CaseModel):
     def reference_file(self, name: str) -> Path:
         """Path of a reference file: an absolute name as it is, others within `source_folder`."""
         return (self.source_folder or Path()) / name
+
+
+def _file_holders(data: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """The mappings of a plain case that name a reference file under the key `file`."""
+    parts = ("curve", "curves", "interface")
+    return [entry[part] for entry in data.get("reference", {}).values() for part in parts if part in entry]
+
+
+def rename_files(data: Mapping[str, Any], names: Mapping[str, str]) -> None:
+    """Replace the names of reference files in a plain case, in place; names that are no key of `names` stay."""
+    for holder in _file_holders(data):
+        holder["file"] = names.get(holder["file"], holder["file"])
 
 
 def _automatic_choices(case: Case) -> dict[str, Any]:

@@ -22,7 +22,7 @@ from ruamel.yaml.comments import CommentedMap, CommentedSeq
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from ruamel.yaml.scalarstring import DoubleQuotedScalarString
 
-from warpsph.case import Case, set_path
+from warpsph.case import Case, rename_files, set_path
 from warpsph.errors import MISSING, CaseError, OutputError, Problem
 
 __all__ = ["dump_case", "dump_yaml", "load_case", "read_yaml", "save_case"]
@@ -85,15 +85,20 @@ def dump_yaml(data: Mapping[str, Any]) -> str:
     return stream.getvalue()
 
 
-def dump_case(case: Case, defaults: bool = False, folder: Path | str | None = None) -> str:
+def dump_case(
+    case: Case, defaults: bool = False, folder: Path | str | None = None, names: Mapping[str, str] | None = None
+) -> str:
     """YAML text of a case.
 
     defaults: also write what the user left out.
     folder: where the text will be stored; names of reference files are made absolute if that is not the
         case's own folder (None: they stay as they are).
+    names: instead of this, other names for reference files by their present ones.
     """
     data = case.to_dict(defaults=defaults)
-    if folder is not None and case.source_folder is not None:
+    if names is not None:
+        rename_files(data, names)
+    elif folder is not None and case.source_folder is not None:
         if Path(folder).resolve() != case.source_folder.resolve():
             case.make_files_absolute(data)
     return dump_yaml(data)

@@ -55,7 +55,7 @@ import numpy as np
 from warpsph.contour import crossings_above, join_ends
 from warpsph.errors import CaseError, ExpressionError, WarpsphError
 from warpsph.expressions import compile_expression
-from warpsph.gauges import GaugeSet, read_gauge
+from warpsph.gauges import GaugeSet, moments, read_gauge
 from warpsph.output import Series, last_particles, read_vtp
 from warpsph.plot import read_segments
 from warpsph.snapshot import Snapshot
@@ -279,6 +279,8 @@ def _value(spec: Any, source: _Source) -> dict[str, Any]:
         times, values, unit = source.column(spec)
         inside = _in_window(spec, source, times)
         times, values = times[inside], values[inside]
+        if spec.reduce != "final":
+            _check_beginning(spec, source, times[0])
         if spec.reduce == "noise":
             value, note = noise(times, values, spec.span), f"about parabolas of {spec.span:g} s"
         elif spec.reduce == "farthest":
@@ -309,6 +311,20 @@ def _in_window(spec: Any, source: _Source, times: np.ndarray) -> np.ndarray:
     if not inside.any():
         raise _NotComparable(f"the gauge {spec.gauge!r} has no row from {start:g} to {end:g} s")
     return np.asarray(inside)
+
+
+def _check_beginning(spec: Any, source: _Source, first: float) -> None:
+    """Refuse to reduce rows of which the first ones are missing, those before a restart into another folder.
+
+    first: time of the first row in the window of the entry [s]
+    """
+    schedule = moments(source.case.gauges[spec.gauge])
+    if spec.window is not None:
+        schedule.advance(spec.window[0] * (1 - 1e-8))
+    if first > schedule.next + max(1e-6 * first, 0.5 * (schedule.interval or 0.0)):
+        raise _NotComparable(
+            f"the gauge {spec.gauge!r} has no rows from {schedule.next:g} to {first:g} s: the run goes on from a checkpoint"
+        )
 
 
 REDUCTIONS: dict[str, Callable[[np.ndarray], float]] = {

@@ -710,7 +710,7 @@ def read_gauge(path: Path) -> tuple[dict[str, np.ndarray], dict[str, str]]:
 class _Table:
     """The rows of one gauge, in memory and (with a path) in its file."""
 
-    def __init__(self, columns: Sequence[Column], path: Path | None, restart_time: float | None) -> None:
+    def __init__(self, columns: Sequence[Column], path: Path | None) -> None:
         self.columns = columns
         self.path = path
         self.blocks: list[np.ndarray] = []
@@ -718,6 +718,10 @@ class _Table:
         csv.writer(buffer, lineterminator="\n").writerow(str(column) for column in columns)
         self.heading = buffer.getvalue()
         self._file: io.FileIO | None = None
+
+    def open(self, restart_time: float | None) -> None:
+        """Make the file, or with a restart time [s] take over the rows that are there up to it. Raises OutputError."""
+        path = self.path
         if path is None:
             return
         if restart_time is not None and path.exists():
@@ -730,8 +734,11 @@ class _Table:
         except OSError as error:
             raise write_failure(path, error) from error
 
-    def _take_over(self, path: Path, restart_time: float) -> None:
-        """Keep the rows up to the restart time; later ones, and a last one that was cut off, go."""
+    def check(self) -> str:
+        """The rows of the file, if there is one, as text. Raises OutputError if it cannot be continued."""
+        path = self.path
+        if path is None or not path.exists():
+            return ""
         try:
             text = path.read_text(encoding="utf-8")
         except (OSError, UnicodeDecodeError) as error:
@@ -742,6 +749,11 @@ class _Table:
                 f"{path}: cannot be continued: its columns are not those of this case any more; "
                 "rename the gauge or write to another folder with --output"
             )
+        return body
+
+    def _take_over(self, path: Path, restart_time: float) -> None:
+        """Keep the rows up to the restart time; later ones, and a last one that was cut off, go."""
+        body = self.check()
         limit = restart_time + 1e-9 * abs(restart_time)
         kept, rows = [], []
         for line in body.splitlines(keepends=True):
@@ -791,11 +803,17 @@ class _Table:
 # All gauges of a run
 
 
+def moments(spec: Any) -> Schedule:
+    """When a gauge of a case is due."""
+    return Schedule(getattr(spec, "interval", None), getattr(spec, "times", None))
+
+
 class GaugeSet:
     """The gauges of a case: when they are due, their rows in memory and in `folder` (None: in memory only).
 
-    `eos` gives the energy gauge the sound speeds that were chosen for `auto`. With `restart_time` [s] the
-    files in the folder are continued: rows after that time are cut off. Raises OutputError.
+    `eos` gives the energy gauge the sound speeds that were chosen for `auto`. Of a run that starts later than 0, at
+    `start_time` [s], what was due before is past. With `restart_time` [s] that is so too, and the files in the folder are
+    continued: rows after that time are cut off, but only once all files are known to fit. Raises OutputError.
     """
 
     def __init__(
@@ -805,6 +823,7 @@ class GaugeSet:
         *,
         eos: Mapping[str, PhaseEos] | None = None,
         restart_time: float | None = None,
+        start_time: float | None = None,
     ) -> None:
         self.gauges: dict[str, Gauge] = {}
         self.schedules: dict[str, Schedule] = {}
@@ -818,18 +837,20 @@ class GaugeSet:
             if twice is not None:
                 rule = f"has two columns called {twice!r}"
                 raise CaseError([Problem(f"gauges.{name}", spec.type, rule, "rename the phase or obstacle")])
-            path = None if folder is None else folder / f"{name}.csv"
-            table = _Table(columns, path, restart_time)
-            schedule = Schedule(getattr(spec, "interval", None), getattr(spec, "times", None))
-            if restart_time is not None:
-                # What was due before the restart is past. What is due right at it may be missing in the
-                # file, if the # checkpoint was written before the row.
-                schedule.advance(restart_time * (1.0 - 1e-8))
-                if table.blocks:
-                    schedule.advance(float(table.blocks[-1][-1, 0]))
             self.gauges[name] = gauge
-            self.schedules[name] = schedule
-            self._tables[name] = table
+            self._tables[name] = _Table(columns, None if folder is None else folder / f"{name}.csv")
+            self.schedules[name] = moments(spec)
+        if restart_time is not None:
+            start_time = restart_time
+            for table in self._tables.values():
+                table.check()
+        for name, table in self._tables.items():
+            table.open(restart_time)
+            if start_time is not None:
+                # What is due right at the restart may be missing in the file, if the checkpoint was written before the row.
+                self.schedules[name].advance(start_time * (1.0 - 1e-8))
+                if table.blocks:
+                    self.schedules[name].advance(float(table.blocks[-1][-1, 0]))
 
     @property
     def next_time(self) -> float:

@@ -84,7 +84,8 @@ class Simulation:
     than the checkpoint; another folder must be new or empty, and starts at the time of the checkpoint.
 
     Raises:
-        CaseError: the device does not exist, or the checkpoint does not fit the case.
+        CaseError: the device does not exist, the checkpoint does not fit the case, or with an output folder there is
+            nothing left to compute after the checkpoint.
         OutputError: the output folder cannot be used.
         CapacityError: the neighbour list cannot hold the particles of the start.
 
@@ -118,6 +119,8 @@ class Simulation:
         if restart is not None:
             self._restart = _find_checkpoint(Path(restart), self.warnings.append)
             state, attributes = checkpoint.load(self._restart)
+            if output is not None:
+                _check_unfinished(case, self._restart, Path(output), float(attributes["time"]))
         self.model: Model = Model(case, device=device, threads=threads, fresh=state is None)
         if state is not None:
             _check_fit(self.model, state, attributes)
@@ -141,6 +144,7 @@ class Simulation:
                 self.folder.cut_after(self.started_at)
                 (self.folder.particles / "failed_fluid.vtp").unlink(missing_ok=True)
                 checkpoint.delete_after(self.folder.checkpoints, self.first_step)
+            self._write_case()
             self._log_start()
         except BaseException as error:
             if self.folder is not None:
@@ -164,13 +168,19 @@ class Simulation:
     def _open_folder(self, output: Path | str | None, resume: bool) -> RunFolder | None:
         if output is None:
             return None
-        from warpsph.case_file import dump_case
-
         particles = self.case.output.particles
         options: dict[str, Any] = {"precision": self.case.precision}
         if particles is not None:
             options["fields"] = particles.fields
-        return RunFolder(output, case_text=dump_case(self.case, folder=output), resume=resume, **options)
+        return RunFolder(output, resume=resume, **options)
+
+    def _write_case(self) -> None:
+        """Write case.yaml, in the folder of a restart over that of the run so far, and the files that it names."""
+        from warpsph.case_file import dump_case
+
+        if self.folder is not None:
+            names = self.folder.keep_references(self.case.reference_files)
+            self.folder.write_case(dump_case(self.case, names=names))
 
     def _make_gauges(self, resume: bool) -> GaugeSet:
         eos = {
@@ -178,7 +188,8 @@ class Simulation:
             for (name, phase), c in zip(self.case.phases.items(), self.physics.sound_speed, strict=True)
         }
         folder = None if self.folder is None else self.folder.gauges
-        return GaugeSet(self.case, folder, eos=eos, restart_time=self.started_at if resume else None)
+        started = None if self._restart is None else self.started_at
+        return GaugeSet(self.case, folder, eos=eos, restart_time=started if resume else None, start_time=started)
 
     def _log_start(self) -> None:
         if self.folder is None:
@@ -748,6 +759,24 @@ def _find_checkpoint(path: Path, message: Callable[[str], None]) -> Path:
         rule, remedy = "holds no readable checkpoint", "name a .h5 file or a run folder, or run the case anew"
         raise CaseError([Problem("restart", str(path), rule, remedy)])
     return found
+
+
+def _check_unfinished(case: Case, restart: Path, output: Path, moment: float) -> None:
+    """Refuse to go on from a checkpoint of a time [s] at or after the end, before anything in a folder is changed.
+
+    A run that was killed between its last checkpoint and its summary may go on: it has its comparison still to write.
+    """
+    if not _reached(moment, case.end_time):
+        return
+    summary = output / "summary.json"
+    if _reached(case.end_time, moment) and _is_inside(restart, output):
+        try:
+            if json.loads(summary.read_text(encoding="utf-8"))["status"] != "finished":
+                return
+        except (OSError, ValueError, KeyError, TypeError):
+            return
+    rule = f"the checkpoint {restart} is of t = {moment:.6g} s already: there is nothing left to compute"
+    raise CaseError([Problem("end_time", case.end_time, rule, "give a later end_time, or name an earlier checkpoint")])
 
 
 def _is_inside(file: Path, folder: Path) -> bool:

@@ -680,6 +680,19 @@ def test_gauges_in_memory_count_before_files(run):
     assert one(case, run)["value"] == pytest.approx(2.0)
 
 
+def test_rows_before_a_restart_are_missed(run):
+    """What a number takes from the whole run or a window is no such number without their first rows."""
+    late = [f"{k / 10},{0.2 * k}\n" for k in range(4, 11)]
+    write_gauge(run, "energy", "time [s],kinetic [J/m]\n" + "".join(late))
+    entry = {"gauge": "energy", "column": "kinetic", "reduce": "mean", "value": 1}
+    for part in ({}, {"window": [0.3, 0.8]}, {"reduce": "change"}):
+        result = one(make_case({"mean": {**entry, **part}}), run)
+        assert result["error"] is None and "to 0.4 s: the run goes on from a checkpoint" in result["note"]
+    assert one(make_case({"mean": {**entry, "window": [0.4, 0.8]}}), run)["value"] == pytest.approx(1.2)
+    assert one(make_case({"mean": {**entry, "window": [0.31, 0.8]}}), run)["value"] == pytest.approx(1.2)
+    assert one(make_case({"end": {**entry, "reduce": "final"}}), run)["value"] == pytest.approx(2.0)
+
+
 def test_text_of_the_results(run):
     case = make_case(
         {

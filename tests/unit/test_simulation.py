@@ -1,6 +1,7 @@
 """The Python interface: load a case, change values, run, look at gauges and state; what a folder tells."""
 
 import json
+import shutil
 import threading
 
 import numpy as np
@@ -10,6 +11,7 @@ import warpsph
 from tests.scenes import FULL, PERIODIC, case_of
 from warpsph import Simulation, load_case, output, simulation
 from warpsph.case_file import save_case
+from warpsph.comparison import compared
 from warpsph.errors import CaseError, WarpsphError
 from warpsph.gauges import read_gauge
 from warpsph.kernels import clock as ck
@@ -40,6 +42,35 @@ def done(tmp_path_factory):
         }
     )
     return Simulation(case, output=folder, threads=1).run()
+
+
+def test_a_run_folder_can_be_moved(tmp_path, monkeypatch):
+    """It has its own copies of the reference files: it goes on, is drawn and run again where nothing else is left."""
+    home = tmp_path / "home"
+    for name, value in (("one", 0.25), ("other", 0.2)):
+        (home / name).mkdir(parents=True)
+        (home / name / "decay.csv").write_text(f"t_s,KE\n0,{value}\n1,{value}\n")
+    entry = {"gauge": "energy", "column": "kinetic"}
+    references = {
+        "relative": {**entry, "curve": {"file": "one/decay.csv", "time": "t_s", "value": "KE"}},
+        "absolute": {**entry, "curve": {"file": str(home / "other" / "decay.csv"), "time": "t_s", "value": "KE"}},
+    }
+    save_case(case_of(PERIODIC, reference=references, end_time=0.02), home / "case.yaml")
+    first = Simulation(load_case(home / "case.yaml"), output=tmp_path / "run", threads=1).run().summary["errors"]
+    moved = tmp_path / "elsewhere" / "moved"
+    moved.parent.mkdir()
+    (tmp_path / "run").rename(moved)
+    shutil.rmtree(home)
+    monkeypatch.chdir(moved.parent)
+
+    case = load_case("moved/case.yaml")
+    assert str(tmp_path) not in (moved / "case.yaml").read_text()
+    assert sorted(path.name for path in (moved / "reference").iterdir()) == ["decay.csv", "decay_2.csv"]
+    again = warpsph.run(case, output="again", threads=1).summary["errors"]
+    assert {name: found["error"] for name, found in again.items()} == {name: found["error"] for name, found in first.items()}
+    longer = warpsph.run(case.replace({"end_time": 0.04}), output="moved", restart="moved", threads=1).summary["errors"]
+    assert longer["relative"]["reference"] == 0.25 and longer["absolute"]["reference"] == 0.2
+    assert [found.quantity for found in compared(load_case("moved/case.yaml"), moved)] == ["relative", "absolute"]
 
 
 def test_load_replace_run(tmp_path, monkeypatch):
