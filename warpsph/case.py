@@ -38,6 +38,7 @@ from pydantic import (
 from pydantic_core import CoreSchema, PydanticCustomError
 
 from warpsph.case_values import (
+    AlsoWritten,
     CaseModel,
     ChoiceRule,
     Formula,
@@ -253,7 +254,7 @@ class AxisBoundary(CaseModel):
             "type": "object",
             "properties": {
                 "wall": {"enum": ["no_slip", "free_slip"]},
-                "velocity": {"type": "array", "description": "m/s", "items": {"type": ["number", "string"]}},
+                "velocity": {"type": "array", "description": "m/s", "items": NumberRule().schema()},
             },
             "required": ["wall"],
             "additionalProperties": False,
@@ -726,12 +727,12 @@ def _none_word(value: Any) -> Any:
 class Output(CaseModel):
     """What is written beside the gauges. Each part may be `none`."""
 
-    particles: Annotated[ParticleOutput | None, BeforeValidator(_none_word)] = Field(
+    particles: Annotated[ParticleOutput | None, AlsoWritten(_none_word, {"const": "none"})] = Field(
         default=None,
         description="particle files; none: not written (default: 20 times a run)",
         examples=["{interval: 0.1}"],
     )
-    checkpoint: Annotated[CheckpointOutput | None, BeforeValidator(_none_word)] = Field(
+    checkpoint: Annotated[CheckpointOutput | None, AlsoWritten(_none_word, {"const": "none"})] = Field(
         default=None,
         description="restart files; none: not written (default: 10 times a run)",
         examples=["{interval: 0.5}"],
@@ -1061,7 +1062,7 @@ class ReferenceExact(_Reference):
     field: Annotated[Literal["speed", "velocity", "density", "pressure"], ChoiceRule()] = Field(
         description="the field that is compared", examples=["speed"]
     )
-    exact: Annotated[tuple[_ExactFormula, ...], Field(min_length=1), BeforeValidator(_one_or_many)] = Field(
+    exact: Annotated[tuple[_ExactFormula, ...], Field(min_length=1), AlsoWritten(_one_or_many)] = Field(
         description="formula in x, y, z (m), t (s) and r; a list of them for velocity",
         examples=['"exp(-t)*sin(x)"'],
     )

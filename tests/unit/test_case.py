@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from jsonschema import Draft202012Validator
 from pydantic import BaseModel, TypeAdapter
 
 from warpsph import case as case_module
@@ -649,6 +650,83 @@ def test_schema():
     )
     assert "from" in schema["$defs"]["LineGauge"]["properties"]
     assert "<" not in "".join(schema["$defs"]["AxisBoundary"])
+
+
+def is_allowed_by_schema(data) -> bool:
+    return Draft202012Validator(case_schema()).is_valid(json.loads(json.dumps(data)))
+
+
+ROOT = Path(__file__).parents[2]
+SHIPPED = [*sorted((ROOT / "cases").glob("*.yaml")), ROOT / "warpsph" / "starter.yaml"]
+
+
+@pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)
+def test_schema_allows_every_case_file(path: Path):
+    """As it stands, and as a run folder and `show` write it, where more keys are `none`."""
+    assert is_allowed_by_schema(read_yaml(path.read_text(encoding="utf-8")))
+    case = load_case(path)
+    assert is_allowed_by_schema(case.to_dict(defaults=True))
+    assert is_allowed_by_schema(case.resolved())
+
+
+@pytest.mark.parametrize(
+    ("path", "value"),
+    [
+        ("end_time", "2/52"),
+        ("end_time", "3*sqrt(1/9.81)"),
+        ("numerics", {"maximum_step": "none", "skin": "auto", "courant": "1/2", "volume_constraint": False}),
+        ("numerics", {"maximum_step": None, "neighbour_capacity": "4*16"}),
+        ("output", {"particles": "none", "checkpoint": "none"}),
+        ("start", {"pressure": "none", "velocity": [0, "sin(2*pi*x)"]}),
+        ("start", {"pressure": "hydrostatic"}),
+        ("start", {"pressure": "where(y < 0.5 and not x > 1e-3, 9.81*(1 - y), 0)"}),
+        ("domain", {"lower": [0, 0], "upper": ["2*pi", 1], "boundary": {"x": {"wall": "no_slip", "velocity": [0, "1/2"]}}}),
+        ("gauges", {"line": {"type": "contour", "mirror": "none", "times": ["1/3", 0.5]}}),
+        ("reference", {"speed": {"particles": "last", "field": "speed", "exact": "exp(-t)*r"}}),
+        ("reference", {"speed": {"particles": "last", "field": "speed", "exact": 0}}),
+        ("reference", {"speed": {"particles": "last", "field": "velocity", "exact": [0, "x"]}}),
+    ],
+)
+def test_schema_allows_what_a_case_may_write(path, value):
+    data = small(**{path: value})
+    Case.from_dict(data)
+    assert is_allowed_by_schema(data)
+
+
+@pytest.mark.parametrize(
+    ("path", "value"),
+    [
+        ("end_tme", 1),
+        ("end_time", True),
+        ("end_time", [1]),
+        ("end_time", "soon"),
+        ("end_time", "auto"),
+        ("end_time", "none"),
+        ("end_time", 0),
+        ("dimension", 4),
+        ("dimension", "two"),
+        ("domain", {"lower": [0, 0], "upper": [1, "top"]}),
+        ("domain", {"lower": [0, 0], "upper": [1, 1], "boundary": {"x": "wal"}}),
+        ("domain", {"lower": [0, 0], "upper": [1, 1], "boundary": {"x": {"wall": "no_slip", "velocity": ["fast", 0]}}}),
+        ("phases", {"water": {"density": "heavy"}}),
+        ("phases", {"water": {"density": 1, "viscosty": 1}}),
+        ("fluids", [{"phase": "water", "shape": "the rest"}]),
+        ("fluids", [{"phase": "water", "shape": {"where": {"condition": 1}}}]),
+        ("start", {"pressure": "hydrostatc"}),
+        ("start", {"velocity": ["sin(2*pi*q)", 0]}),
+        ("numerics", {"maximum_step": "never"}),
+        ("numerics", {"kernel": "wendland"}),
+        ("output", {"particles": "never"}),
+        ("output", {"checkpoint": {"interval": "none"}}),
+        ("gauges", {"line": {"type": "contour", "mirror": "z", "interval": 1}}),
+        ("gauges", {"line": {"type": "contours", "interval": 1}}),
+        ("reference", {"speed": {"particles": "last", "field": "speed", "exact": {"x": 1}}}),
+    ],
+)
+def test_schema_refuses_unknown_keys_and_wrong_types(path, value):
+    data = small(**{path: value})
+    problems_of(data)
+    assert not is_allowed_by_schema(data)
 
 
 # ---- files -----------------------------------------------------------------------------------------------
