@@ -63,7 +63,7 @@ from warpsph.case_values import (
     suggestion,
     time_window,
 )
-from warpsph.errors import MISSING, CaseError, Problem
+from warpsph.errors import MISSING, CaseError, Problem, short
 from warpsph.expressions import Expression, compile_expression
 
 __all__ = [
@@ -859,11 +859,11 @@ def _check_gauge_type(value: Any) -> Any:
     kind = value.get("type", MISSING)
     if kind is MISSING:
         close = difflib.get_close_matches("type", [key for key in value if isinstance(key, str)], 1)
-        remedy = f"did you mean type where {close[0]} is?" if close else "add type: " + " | ".join(GAUGES)
+        remedy = f"did you mean type where {short(close[0])} is?" if close else "add type: " + " | ".join(GAUGES)
         raise bad_value("needs the key type", remedy)
     if not isinstance(kind, str) or kind not in GAUGES:
         raise bad_value(
-            f"has an unknown type {kind if isinstance(kind, str) else kind_of(kind)}",
+            f"has an unknown type {short(kind) if isinstance(kind, str) else kind_of(kind)}",
             suggestion(kind, GAUGES),
         )
     return value
@@ -1124,7 +1124,7 @@ def _check_reference_kind(value: Any) -> Any:
         remedy = f"delete all but one of {', '.join(found)}" if found else ""
         for key in value if not found else ():
             close = difflib.get_close_matches(str(key), list(REFERENCES), 1)
-            remedy = f"did you mean {close[0]} where {key} is?" if close else remedy
+            remedy = f"did you mean {close[0]} where {short(key)} is?" if close else remedy
         raise bad_value(options, remedy or "write e.g. value: 1.72")
     return value
 
@@ -1168,7 +1168,7 @@ def _as_changes(value: Any) -> Any:
         section = key.split(".")[0]
         if section == "validation" or section not in Case.model_fields:
             known = [name for name in Case.model_fields if name != "validation"]
-            raise bad_value(f"{key} does not begin with a section of the case", suggestion(section, known))
+            raise bad_value(f"{short(key)} does not begin with a section of the case", suggestion(section, known))
         changes[key] = "none" if item is None else item
     return changes
 
@@ -1561,7 +1561,7 @@ def set_path(data: Any, path: str, value: Any) -> None:
         return
     for depth, key in enumerate(keys):
         last = depth == len(keys) - 1
-        so_far = ".".join(keys[:depth])
+        so_far = short(".".join(keys[:depth]))
         if isinstance(here, list):
             if not key.isdecimal() or len(key) > 9 or int(key) >= len(here):
                 rule = f"{so_far} is a list of {len(here)}"
@@ -1578,7 +1578,7 @@ def set_path(data: Any, path: str, value: Any) -> None:
                     here[key] = {}
                 here = here[key]
         else:
-            rule = f"{so_far} is a {kind_of(here)} and has no part {key}"
+            rule = f"{so_far} is a {kind_of(here)} and has no part {short(key)}"
             raise CaseError([Problem(path, value, rule, f"set {so_far} as a whole")])
 
 

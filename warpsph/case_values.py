@@ -27,7 +27,7 @@ from pydantic import (
 from pydantic.fields import FieldInfo
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
-from warpsph.errors import ExpressionError
+from warpsph.errors import ExpressionError, listed, short
 from warpsph.expressions import CONSTANTS, FUNCTIONS, Expression, compile_expression
 
 # ----------------------------------------------------------------------------------------------------------
@@ -40,14 +40,14 @@ def bad_value(rule: str, remedy: str = "") -> PydanticCustomError:
 
 
 def suggestion(word: object, known: Iterable[str]) -> str:
-    """`did you mean ...?`, or the list of what is known."""
+    """`did you mean ...?`, or the list of what is known, cut if that is long."""
     options = list(known)
     if isinstance(word, str):
         folded = {option.lower(): option for option in options}
         close = difflib.get_close_matches(word.lower().replace("-", "_")[:60], list(folded), 1)
         if close:
             return f"did you mean {folded[close[0]]}?"
-    return "write one of " + ", ".join(options)
+    return "write one of " + listed(options)
 
 
 def formula_pattern(names: Iterable[str] = ()) -> str:
@@ -377,7 +377,7 @@ def field_list(known: tuple[str, ...]) -> BeforeValidator:
         for item in items:
             if item not in known:
                 raise bad_value(
-                    f"knows no field {item if isinstance(item, str) else kind_of(item)}",
+                    f"knows no field {short(item) if isinstance(item, str) else kind_of(item)}",
                     suggestion(item, known),
                 )
         if len(set(items)) != len(items):

@@ -45,7 +45,6 @@ from __future__ import annotations
 import csv
 import dataclasses
 import math
-import re
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -53,9 +52,8 @@ from typing import Any
 import numpy as np
 
 from warpsph.contour import crossings_above, join_ends
-from warpsph.errors import CaseError, ExpressionError, WarpsphError
-from warpsph.expressions import compile_expression
-from warpsph.gauges import GaugeSet, moments, read_gauge
+from warpsph.errors import CaseError, ExpressionError, WarpsphError, listed, short
+from warpsph.gauges import GaugeSet, column_formula, moments, read_gauge
 from warpsph.output import Series, last_particles, read_vtp
 from warpsph.plot import read_segments
 from warpsph.snapshot import Snapshot
@@ -220,20 +218,11 @@ def pick_column(columns: Columns, units: Mapping[str, str], text: str) -> tuple[
     """
     if text in columns:
         return columns[text], units.get(text, "")
-    called = {name: name for name in columns if name.isidentifier()}
-    formula = text
-    # A name of several words gets one word as a stand-in, the longest first, since `kinetic gas` may be part of another.
-    # `gas - liquid` is none of them: as arithmetic it means the same.
-    several = [name for name in columns if " " in name and all(word.isidentifier() for word in name.split(" "))]
-    for place, name in enumerate(sorted(several, key=len, reverse=True)):
-        formula, count = re.subn(rf"(?<!\w){re.escape(name)}(?!\w)", f"column_{place}", formula)
-        if count:
-            called[f"column_{place}"] = name
     try:
-        expression = compile_expression(formula, names=list(called))
+        expression, called = column_formula(columns, text)
         values = expression.evaluate(finite=False, **{word: columns[name] for word, name in called.items()})
     except ExpressionError as error:
-        raise _NotComparable(f"there is no column {text!r}; there are {', '.join(columns)}") from error
+        raise _NotComparable(f"there is no column {short(text)!r}; there are {listed(columns)}") from error
     found = {units.get(called[word], "") for word in expression.names}
     return values, found.pop() if len(found) == 1 and not set("*/") & set(text) else ""
 
@@ -261,7 +250,7 @@ def _number(row: list[str], place: int) -> float:
 
 def _reference_column(table: Columns, key: str, file: str) -> np.ndarray:
     if key not in table:
-        raise _NotComparable(f"{file} has no column {key!r}; it has {', '.join(table)}")
+        raise _NotComparable(f"{file} has no column {key!r}; it has {listed(table)}")
     return table[key]
 
 

@@ -23,8 +23,10 @@ metre of depth.
 from __future__ import annotations
 
 import csv
+import functools
 import io
 import math
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations, product
@@ -34,7 +36,8 @@ from typing import Any, ClassVar
 import numpy as np
 
 from warpsph.contour import contour, shares_of_phases
-from warpsph.errors import CaseError, OutputError, Problem, WarpsphError
+from warpsph.errors import CaseError, OutputError, Problem, WarpsphError, listed
+from warpsph.expressions import Expression, compile_expression
 from warpsph.output import Schedule, whole_file, write_failure
 from warpsph.snapshot import Snapshot
 
@@ -624,9 +627,10 @@ class PointsGauge(Gauge):
     def __init__(self, name: str, spec: Any, case: Any) -> None:
         super().__init__(name, spec, case)
         self.fields: list[str] = list(spec.fields)
-        self.points = self._points()
 
-    def _points(self) -> np.ndarray:
+    @functools.cached_property
+    def points(self) -> np.ndarray:
+        """The points, (points, dimension), m."""
         return np.asarray(self.spec.points, np.float64).reshape(-1, self.dimension)
 
     @property
@@ -658,7 +662,9 @@ class PointsGauge(Gauge):
 class LineGauge(PointsGauge):
     """Fields at `count` points spread evenly from `from` to `to`, both ends included."""
 
-    def _points(self) -> np.ndarray:
+    @functools.cached_property
+    def points(self) -> np.ndarray:
+        """The points, (points, dimension), m."""
         start, end = np.asarray(self.spec.from_, np.float64), np.asarray(self.spec.to, np.float64)
         share = np.linspace(0.0, 1.0, self.spec.count)[:, None]
         return (1.0 - share) * start + share * end
@@ -677,6 +683,32 @@ GAUGES: dict[str, type[Gauge]] = {
     "points": PointsGauge,
     "line": LineGauge,
 }
+
+
+def column_names(name: str, spec: Any, case: Any) -> list[str]:
+    """Names of the columns that a gauge of a case will have in a run, the time first."""
+    kind = GAUGES[spec.type]
+    # A run gives the energy gauge equations of state; that there are some is all that its columns depend on.
+    gauge = EnergyGauge(name, spec, case, {"": PhaseEos(1.0, 1.0, 1.0)}) if kind is EnergyGauge else kind(name, spec, case)
+    return ["time", *(column.name for column in gauge.columns)]
+
+
+def column_formula(names: Iterable[str], text: str) -> tuple[Expression, dict[str, str]]:
+    """Arithmetic of columns such as `2 * kinetic` or `highest_x gas - lowest_x gas`.
+
+    Returns the expression and the column that each of its names stands for. Raises ExpressionError.
+    """
+    names = list(names)
+    called = {name: name for name in names if name.isidentifier()}
+    formula = text
+    # A name of several words gets one word as a stand-in, the longest first, since `kinetic gas` may be part of another.
+    # `gas - liquid` is none of them: as arithmetic it means the same.
+    several = [name for name in names if " " in name and all(word.isidentifier() for word in name.split(" "))]
+    for place, name in enumerate(sorted(several, key=len, reverse=True)):
+        formula, count = re.subn(rf"(?<!\w){re.escape(name)}(?!\w)", f"column_{place}", formula)
+        if count:
+            called[f"column_{place}"] = name
+    return compile_expression(formula, names=list(called)), called
 
 
 # ------------------------------------------------------------------------------------------------------------
@@ -891,7 +923,7 @@ class GaugeSet:
     def series(self, name: str) -> dict[str, np.ndarray]:
         """What a gauge has measured so far: column name (without unit) -> values, `time` among them."""
         if name not in self._tables:
-            raise KeyError(f"no gauge {name!r}; there are {', '.join(self._tables) or 'none'}")
+            raise KeyError(f"no gauge {name!r}; there are {listed(self._tables) or 'none'}")
         return self._tables[name].series()
 
     def units(self, name: str) -> dict[str, str]:

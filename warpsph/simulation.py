@@ -34,7 +34,7 @@ import numpy as np
 
 from warpsph import checkpoint
 from warpsph.comparison import compare, format_comparison
-from warpsph.errors import CaseError, DivergenceError, Interrupted, OutputError, Problem, WarpsphError
+from warpsph.errors import CaseError, DivergenceError, Interrupted, OutputError, Problem, WarpsphError, short
 from warpsph.gauges import GaugeSet, PhaseEos
 from warpsph.geometry import build
 from warpsph.output import RunFolder, Schedule, Writer
@@ -795,7 +795,7 @@ def _check_fit(model: Model, state: Mapping[str, np.ndarray], attributes: Mappin
     saved, problems = attributes.get("scene", {}), []
     for key, value in _scene(model.case).items():
         if saved.get(key) != value:
-            rule = f"the checkpoint was written with {saved.get(key)}"
+            rule = f"the checkpoint was written with {short(saved.get(key), 200)}"
             problems.append(Problem(key, value, rule, SAME_CASE))
     count = len(state.get("anchor", ()))
     if not problems and count != model.particles.count:

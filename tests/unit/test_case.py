@@ -617,6 +617,104 @@ def test_direct_construction_is_checked_too():
     assert Case(**SMALL) == Case.from_dict(SMALL)
 
 
+# ---- messages stay short ---------------------------------------------------------------------------------
+
+
+def places(data, path=()):
+    """Every mapping and list of nested data with each of its keys."""
+    for key, item in data.items() if isinstance(data, dict) else enumerate(data):
+        yield (*path, key)
+        if isinstance(item, dict | list):
+            yield from places(item, (*path, key))
+
+
+LONG = "so_long_" * 5000
+# What a validation run changes is read with that run.
+EVERYWHERE = [path for path in places(read_yaml(FULL)) if "changes" not in path]
+
+
+@pytest.mark.parametrize(
+    ("value", "first"), [(LONG, 0), ([LONG] * 1000, 1), ({LONG: LONG}, 2)], ids=["text", "list", "mapping"]
+)
+def test_long_input_is_not_echoed_whole(folder: Path, value, first):
+    """40 kB in place of a value, or as a key beside it, make a message that fits on a screen."""
+    for path in EVERYWHERE[first::3]:
+        data = read_yaml(FULL)
+        holder = data
+        for key in path[:-1]:
+            holder = holder[key]
+        holder[path[-1]] = value
+        if isinstance(holder, dict):
+            holder[LONG] = value
+        with pytest.raises(CaseError) as caught:
+            Case.from_dict(data, folder)
+        assert all(len(line) < 1500 for line in str(caught.value).splitlines()), path
+    with pytest.raises(CaseError) as caught:
+        Case.from_dict(read_yaml(FULL)).replace({f"end_time.{LONG}": 1, LONG: 2})
+    assert all(len(line) < 1500 for line in str(caught.value).splitlines())
+
+
+def test_an_unknown_gauge_type_is_told_in_short():
+    (problem,) = problems_of(small(gauges={"a": {"type": "contur" + 40_000 * "r", "interval": 1}})).values()
+    assert len(str(problem)) < 400 and "has an unknown type contur" in problem.rule
+    (problem,) = problems_of(small(gauges={"a": {"type": "contur", "interval": 1}})).values()
+    assert problem.remedy == "did you mean contour?"
+
+
+# ---- columns of gauges -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("gauge", "column", "remedy"),
+    [
+        ("energy", "kinetc", "did you mean kinetic?"),
+        ("energy", "kinetic_gas", "did you mean kinetic gas?"),
+        ("energy", "kinetic + potentail", "did you mean potential?"),
+        ("momentum", "momentum_z", "did you mean momentum_"),
+        ("jump", "gass", "did you mean gas?"),
+        ("jump", "gas - solid", "liquid"),
+        ("surface", "length", "interface_length"),
+        ("size", "semi_axis_z gas", "did you mean semi_axis_"),
+        ("load", "force_x domian", "did you mean force_x domain?"),
+        ("probe", "density", "pressure"),
+        ("profile", "speed", "velocity_x"),
+        ("profile", "velocity_z", "did you mean velocity_"),
+    ],
+)
+def test_columns_are_known_before_the_run(folder: Path, gauge, column, remedy):
+    data = read_yaml(FULL)
+    entry = {"gauge": gauge, "column": column, "value": 1, "reduce": "slope" if gauge == "profile" else "mean"}
+    data["reference"] = {"wrong": entry}
+    with pytest.raises(CaseError) as caught:
+        Case.from_dict(data, folder)
+    (problem,) = caught.value.problems
+    assert problem.path == "reference.wrong.column" and f"is not a column of gauge {gauge}" in problem.rule
+    assert remedy in problem.remedy
+    # and beside another fault
+    data["end_time"] = -1
+    with pytest.raises(CaseError) as caught:
+        Case.from_dict(data, folder)
+    assert {problem.path for problem in caught.value.problems} == {"end_time", "reference.wrong.column"}
+
+
+@pytest.mark.parametrize(
+    ("gauge", "column"),
+    [
+        ("energy", "2 * kinetic gas + elastic"),
+        ("energy", "total liquid"),
+        ("jump", "gas - liquid"),
+        ("jump", "gas-liquid"),
+        ("size", "highest_x gas - lowest_x gas"),
+        ("load", "force_y domain"),
+        ("probe", "velocity_y/2"),
+    ],
+)
+def test_columns_and_arithmetic_of_columns_are_fine(folder: Path, gauge, column):
+    data = read_yaml(FULL)
+    data["reference"] = {"right": {"gauge": gauge, "column": column, "value": 1}}
+    Case.from_dict(data, folder)
+
+
 # ---- schema ----------------------------------------------------------------------------------------------
 
 
