@@ -46,6 +46,8 @@ if TYPE_CHECKING:
     from warpsph.case import Case
     from warpsph.model import Model
 
+    CaseLike = Case | Path | str | Mapping[str, Any]
+
 PORTION = 0.5  # s of wall time between two looks at the clock
 FIRST_STEPS = 1
 REACHED = 1.0e-12  # a time counts as reached within this share of it: the sum of the steps is rounded
@@ -74,7 +76,7 @@ class Simulation:
     """One run of a case.
 
     Args:
-        case: validated case.
+        case: a validated case, the name of a case file, or the nested plain data that one would hold.
         output: folder for the results; None keeps gauges and the last state in memory alone.
         device: Warp device name, "cpu" or "cuda:0".
         threads: threads of a CPU device (default: all processors).
@@ -84,8 +86,8 @@ class Simulation:
     than the checkpoint; another folder must be new or empty, and starts at the time of the checkpoint.
 
     Raises:
-        CaseError: the device does not exist, the checkpoint does not fit the case, or with an output folder there is
-            nothing left to compute after the checkpoint.
+        CaseError: the case is wrong, the device does not exist, the checkpoint does not fit the case, or with an output
+            folder there is nothing left to compute after the checkpoint.
         OutputError: the output folder cannot be used.
         CapacityError: the neighbour list cannot hold the particles of the start.
 
@@ -97,17 +99,19 @@ class Simulation:
 
     def __init__(
         self,
-        case: Case,
+        case: CaseLike,
         output: Path | str | None = None,
         device: str = "cpu",
         threads: int | None = None,
         restart: Path | str | None = None,
     ) -> None:
+        from warpsph.case_file import as_case
         from warpsph.model import Model, quiet_warp
 
         begin = time.perf_counter()
         quiet_warp()
         _check_device(device)
+        case = as_case(case)
         self.case = case
         self.summary: dict[str, Any] = {}
         self.warnings: list[str] = []
@@ -637,22 +641,32 @@ class _Meter:
             )
 
 
-def run(case: Case, **options: Any) -> Simulation:
-    """Run a case and return the finished `Simulation`; the options are those of `Simulation`."""
+def run(case: CaseLike, **options: Any) -> Simulation:
+    """Run a case and return the finished `Simulation`.
+
+    Args:
+        case: a validated case, the name of a case file, or the nested plain data that one would hold.
+        options: `output`, `device`, `threads` and `restart` of `Simulation`.
+
+    Raises:
+        CaseError: the case is wrong, or an option does not fit it; else as `Simulation` and `Simulation.run`.
+    """
     return Simulation(case, **options).run()
 
 
 # before a run -------------------------------------------------------------------------------------------
 
 
-def describe(case: Case) -> dict[str, Any]:
+def describe(case: CaseLike) -> dict[str, Any]:
     """Return what a run of the case would be: resolved case, structure, stages, and what is absent and why.
 
     Compiles and allocates nothing on a device.
     """
     from warpsph import schemes
+    from warpsph.case_file import as_case
     from warpsph.kernels.fields import fields_of
 
+    case = as_case(case)
     geometry = build(case, support_radius(case))
     physics = derive(case, geometry)
     known: dict[str, Any] = {
@@ -681,11 +695,13 @@ def describe(case: Case) -> dict[str, Any]:
     }
 
 
-def estimate(case: Case) -> dict[str, Any]:
+def estimate(case: CaseLike) -> dict[str, Any]:
     """Return particle counts, memory [bytes], time step [s], steps and seconds to expect, and warnings."""
+    from warpsph.case_file import as_case
     from warpsph.kernels.fields import fields_of
     from warpsph.neighbours import default_width
 
+    case = as_case(case)
     geometry = build(case, support_radius(case))
     physics = derive(case, geometry)
     spec = physics.spec

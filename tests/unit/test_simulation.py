@@ -73,6 +73,40 @@ def test_a_run_folder_can_be_moved(tmp_path, monkeypatch):
     assert [found.quantity for found in compared(load_case("moved/case.yaml"), moved)] == ["relative", "absolute"]
 
 
+@pytest.mark.parametrize("kind", ["Case", "Path", "str", "dict"])
+def test_a_case_may_be_a_file_or_plain_data(tmp_path, monkeypatch, kind):
+    """Reference files of plain data are looked up in the current folder."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "decay.csv").write_text("t_s,KE\n0,0.25\n1,0.25\n")
+    curve = {"file": "decay.csv", "time": "t_s", "value": "KE"}
+    references = {"decay": {"gauge": "energy", "column": "kinetic", "curve": curve}}
+    data = {**PERIODIC, "end_time": 0.02, "reference": references}
+    save_case(warpsph.Case.from_dict(data), "case.yaml")
+    case = {"Case": load_case("case.yaml"), "Path": tmp_path / "case.yaml", "str": "case.yaml", "dict": data}[kind]
+    before = repr(data)
+    result = warpsph.run(case, threads=1)
+    assert result.summary["errors"]["decay"]["error"] is not None and result.case.end_time == 0.02
+    assert simulation.estimate(case)["particles"] == 400
+    assert simulation.describe(case)["resolved"]["dimension"] == 2
+    assert repr(data) == before
+
+
+def test_load_case_takes_plain_data_with_overrides():
+    case = load_case(PERIODIC, ["end_time=0.5", "phases.water.density=2"])
+    assert case.end_time == 0.5 and case.phases["water"].density == 2
+    assert PERIODIC["end_time"] == 0.2 and PERIODIC["phases"]["water"]["density"] == 1.0
+
+
+@pytest.mark.parametrize("case", [None, 3, [PERIODIC]])
+def test_what_is_no_case_is_refused(case):
+    with pytest.raises(CaseError, match="needs a Case, the name of a case file or a mapping"):
+        warpsph.run(case)
+    with pytest.raises(CaseError, match="there is no such file"):
+        warpsph.run("nowhere.yaml")
+    with pytest.raises(CaseError, match="end_time: -1"):
+        warpsph.run({**PERIODIC, "end_time": -1})
+
+
 def test_load_replace_run(tmp_path, monkeypatch):
     """Without an output folder nothing is written anywhere."""
     save_case(case_of(PERIODIC), tmp_path / "case.yaml")
