@@ -746,9 +746,9 @@ class _Gauge(_Timed):
 
 
 class EnergyGauge(_Gauge):
-    """Kinetic, potential and internal energy of the fluid."""
+    """Kinetic, potential, elastic and surface energy of the fluid."""
 
-    type: Literal["energy"] = Field(description="energies of the fluid")
+    type: Literal["energy"] = Field(description="energies of the fluid; surface energy where there is surface tension")
 
 
 class MomentumGauge(_Gauge):

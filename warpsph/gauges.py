@@ -2,7 +2,7 @@
 
 | type | columns | needs |
 |---|---|---|
-| energy | kinetic, potential, elastic, total, and `kinetic gas`, `total gas` ... for each phase | particles |
+| energy | kinetic, potential, elastic, surface, total, and `kinetic gas`, `total gas` ... for each phase | particles |
 | momentum | momentum_x ..., angular_z (3-D: x, y, z), scale, max_speed | particles |
 | phase_pressure | the name of each phase, `gas - liquid` ..., max, min | particles |
 | extents | `lowest_x gas`, `highest_x gas`, `centroid_x gas`, `semi_axis_x gas`, `front gas`, `area gas` ... | particles |
@@ -38,6 +38,7 @@ import numpy as np
 from warpsph.contour import contour, shares_of_phases
 from warpsph.errors import CaseError, OutputError, Problem, WarpsphError, listed
 from warpsph.expressions import Expression, compile_expression
+from warpsph.interface_area import interface_areas
 from warpsph.output import Schedule, whole_file, write_failure
 from warpsph.snapshot import Snapshot
 
@@ -119,11 +120,15 @@ def _by_phase(snapshot: Snapshot, values: np.ndarray, count: int) -> np.ndarray:
 
 
 class EnergyGauge(Gauge):
-    """Energies of the fluid [J]: kinetic, potential, elastic (see PhaseEos) and their total.
+    """Energies of the fluid [J]: kinetic, potential, elastic (see PhaseEos), surface and their total.
 
     potential = sum m (-g.x + B^2 |x - c|^2/2), B and c those of a central force.
+    surface = sum over the pairs of phases of their surface tension times the length (3-D: area) of their interface (see
+    `warpsph.interface_area`); that of a wall with a contact angle is not known and left out. It belongs to no phase: the
+    totals of the phases are without it.
 
-    Without equations of state (`eos`) the column `elastic` is left out and not part of the total.
+    Without equations of state (`eos`) the column `elastic` is left out and not part of the total, without surface tension
+    the column `surface`.
     """
 
     def __init__(self, name: str, spec: Any, case: Any, eos: Mapping[str, PhaseEos] | None = None) -> None:
@@ -131,11 +136,14 @@ class EnergyGauge(Gauge):
         self.gravity = np.asarray(case.gravity, np.float64)
         self.central = case.central_force
         self.eos = eos if eos is not None else _eos_of_case(case)
+        self.tensions = [pair for pair in case.surface_tension if pair.coefficient > 0]
+        self.domain, self.periodic = case.domain, tuple(case.periodic)
 
     @property
     def columns(self) -> list[Column]:
         unit = self.unit("J", "J/m")
-        names = ["kinetic", "potential", *(["elastic"] if self.eos else []), "total"]
+        parts = [*(["elastic"] if self.eos else []), *(["surface"] if self.tensions else [])]
+        names = ["kinetic", "potential", *parts, "total"]
         for phase in self.phase_names:
             names += [f"kinetic {phase}", f"total {phase}"]
         return [Column(name, unit) for name in names]
@@ -159,10 +167,20 @@ class EnergyGauge(Gauge):
                 elastic[index] = mass[mine] @ self.eos[name].elastic_energy(snapshot.density[mine])
             total += elastic
             result.append(elastic.sum())
-        result.append(total.sum())
+        surface = self._surface(snapshot) if self.tensions else 0.0
+        result += [surface] if self.tensions else []
+        result.append(total.sum() + surface)
         for index in range(count):
             result += [kinetic[index], total[index]]
         return result
+
+    def _surface(self, snapshot: Snapshot) -> float:
+        areas = interface_areas(
+            snapshot.position, snapshot.volume, snapshot.phase, len(self.phase_names),
+            self.domain.lower, self.domain.upper, self.periodic, snapshot.particle_spacing,
+        )  # fmt: skip
+        places = [sorted(self.phase_names.index(name) for name in pair.between) for pair in self.tensions]
+        return sum(pair.coefficient * areas[a, b] for pair, (a, b) in zip(self.tensions, places, strict=True))
 
 
 def _eos_of_case(case: Any) -> dict[str, PhaseEos] | None:
