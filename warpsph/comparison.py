@@ -53,7 +53,7 @@ import numpy as np
 
 from warpsph.contour import crossings_above, join_ends
 from warpsph.errors import CaseError, ExpressionError, WarpsphError, listed, short
-from warpsph.gauges import GaugeSet, column_formula, moments, read_gauge
+from warpsph.gauges import GaugeSet, column_formula, read_gauge, schedule_of
 from warpsph.output import Series, last_particles, read_vtp
 from warpsph.plot import read_segments
 from warpsph.snapshot import Snapshot
@@ -307,7 +307,7 @@ def _check_beginning(spec: Any, source: _Source, first: float) -> None:
 
     first: time of the first row in the window of the entry [s]
     """
-    schedule = moments(source.case.gauges[spec.gauge])
+    schedule = schedule_of(source.case.gauges[spec.gauge])
     if spec.window is not None:
         schedule.advance(spec.window[0] * (1 - 1e-8))
     if first > schedule.next + max(1e-6 * first, 0.5 * (schedule.interval or 0.0)):

@@ -853,7 +853,7 @@ class _Table:
 # All gauges of a run
 
 
-def moments(spec: Any) -> Schedule:
+def schedule_of(spec: Any) -> Schedule:
     """When a gauge of a case is due."""
     return Schedule(getattr(spec, "interval", None), getattr(spec, "times", None))
 
@@ -889,7 +889,7 @@ class GaugeSet:
                 raise CaseError([Problem(f"gauges.{name}", spec.type, rule, "rename the phase or obstacle")])
             self.gauges[name] = gauge
             self._tables[name] = _Table(columns, None if folder is None else folder / f"{name}.csv")
-            self.schedules[name] = moments(spec)
+            self.schedules[name] = schedule_of(spec)
         if restart_time is not None:
             start_time = restart_time
             for table in self._tables.values():

@@ -638,6 +638,8 @@ def _loose_gas(
         return problems
     passable = ~solid if solid is not None else np.ones(phase.shape, np.bool_)
     empty, beside_empty = (phase < 0) & passable, np.zeros(phase.shape, np.bool_)
+    if not (case.has_open_sides or empty.any()):
+        return problems
     places = {"fluids": beside_empty}  # key -> cells from which it is in reach
     for axis, sides in enumerate(case.sides):
         reach = math.ceil(support / lattice.spacing[axis] - 1e-9)
