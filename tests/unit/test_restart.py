@@ -254,7 +254,7 @@ def test_changed_numbers_are_fine(drop):
         ("particle_spacing", 1 / 20),
         ("precision", "float64"),
         ("domain.upper", [2, 2]),
-        ("domain.boundary", {"x": "wall", "y": "open"}),
+        ("domain.boundary", {"x": "wall", "y": "free_slip"}),
         ("fluids.0.shape", {"box": {"lower": [0.25, 0.25], "upper": [0.75, 0.6875]}}),
     ],
 )

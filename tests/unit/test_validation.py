@@ -403,7 +403,8 @@ def test_data_of_curves_and_of_what_cannot_be_read(finished):
     case = figures.case_of_run(folder)
     kinds = {entry.quantity: entry.kind for entry in compared(case, folder)}
     assert kinds == {"start": "value", "decay": "curve", "pressure": "value", "speed": "exact"}
-    other = case.replace({"reference.pressure.column": "depth"})
+    fields = [*case.gauges["probe"].fields, "density"]  # which the file of that run does not have
+    other = case.replace({"gauges.probe.fields": fields, "reference.pressure.column": "density"})
     assert [entry.quantity for entry in compared(other, folder)] == ["start", "decay", "speed"]
 
 
