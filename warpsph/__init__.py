@@ -2,8 +2,10 @@
 
     import warpsph
 
+    result = warpsph.run("cases/square_droplet.yaml", device="cpu")
+
     case = warpsph.load_case("cases/square_droplet.yaml")
-    result = warpsph.run(case.replace({"end_time": 1.0}), device="cpu")
+    result = warpsph.run(case.replace({"end_time": 1.0}))
 
 Nothing heavy is imported here: each public name is looked up in its module when it is first used.
 """

@@ -38,6 +38,7 @@ from pydantic import (
 from pydantic_core import CoreSchema, PydanticCustomError
 
 from warpsph.case_values import (
+    AlsoWritten,
     CaseModel,
     ChoiceRule,
     Formula,
@@ -62,7 +63,7 @@ from warpsph.case_values import (
     suggestion,
     time_window,
 )
-from warpsph.errors import MISSING, CaseError, Problem
+from warpsph.errors import MISSING, CaseError, Problem, short
 from warpsph.expressions import Expression, compile_expression
 
 __all__ = [
@@ -115,6 +116,7 @@ __all__ = [
     "WallForceGauge",
     "Where",
     "case_schema",
+    "rename_files",
     "set_path",
 ]
 
@@ -252,7 +254,7 @@ class AxisBoundary(CaseModel):
             "type": "object",
             "properties": {
                 "wall": {"enum": ["no_slip", "free_slip"]},
-                "velocity": {"type": "array", "description": "m/s", "items": {"type": ["number", "string"]}},
+                "velocity": {"type": "array", "description": "m/s", "items": NumberRule().schema()},
             },
             "required": ["wall"],
             "additionalProperties": False,
@@ -725,12 +727,12 @@ def _none_word(value: Any) -> Any:
 class Output(CaseModel):
     """What is written beside the gauges. Each part may be `none`."""
 
-    particles: Annotated[ParticleOutput | None, BeforeValidator(_none_word)] = Field(
+    particles: Annotated[ParticleOutput | None, AlsoWritten(_none_word, {"const": "none"})] = Field(
         default=None,
         description="particle files; none: not written (default: 20 times a run)",
         examples=["{interval: 0.1}"],
     )
-    checkpoint: Annotated[CheckpointOutput | None, BeforeValidator(_none_word)] = Field(
+    checkpoint: Annotated[CheckpointOutput | None, AlsoWritten(_none_word, {"const": "none"})] = Field(
         default=None,
         description="restart files; none: not written (default: 10 times a run)",
         examples=["{interval: 0.5}"],
@@ -744,9 +746,9 @@ class _Gauge(_Timed):
 
 
 class EnergyGauge(_Gauge):
-    """Kinetic, potential and internal energy of the fluid."""
+    """Kinetic, potential, elastic and surface energy of the fluid."""
 
-    type: Literal["energy"] = Field(description="energies of the fluid")
+    type: Literal["energy"] = Field(description="energies of the fluid; surface energy where there is surface tension")
 
 
 class MomentumGauge(_Gauge):
@@ -857,11 +859,11 @@ def _check_gauge_type(value: Any) -> Any:
     kind = value.get("type", MISSING)
     if kind is MISSING:
         close = difflib.get_close_matches("type", [key for key in value if isinstance(key, str)], 1)
-        remedy = f"did you mean type where {close[0]} is?" if close else "add type: " + " | ".join(GAUGES)
+        remedy = f"did you mean type where {short(close[0])} is?" if close else "add type: " + " | ".join(GAUGES)
         raise bad_value("needs the key type", remedy)
     if not isinstance(kind, str) or kind not in GAUGES:
         raise bad_value(
-            f"has an unknown type {kind if isinstance(kind, str) else kind_of(kind)}",
+            f"has an unknown type {short(kind) if isinstance(kind, str) else kind_of(kind)}",
             suggestion(kind, GAUGES),
         )
     return value
@@ -1060,7 +1062,7 @@ class ReferenceExact(_Reference):
     field: Annotated[Literal["speed", "velocity", "density", "pressure"], ChoiceRule()] = Field(
         description="the field that is compared", examples=["speed"]
     )
-    exact: Annotated[tuple[_ExactFormula, ...], Field(min_length=1), BeforeValidator(_one_or_many)] = Field(
+    exact: Annotated[tuple[_ExactFormula, ...], Field(min_length=1), AlsoWritten(_one_or_many)] = Field(
         description="formula in x, y, z (m), t (s) and r; a list of them for velocity",
         examples=['"exp(-t)*sin(x)"'],
     )
@@ -1122,7 +1124,7 @@ def _check_reference_kind(value: Any) -> Any:
         remedy = f"delete all but one of {', '.join(found)}" if found else ""
         for key in value if not found else ():
             close = difflib.get_close_matches(str(key), list(REFERENCES), 1)
-            remedy = f"did you mean {close[0]} where {key} is?" if close else remedy
+            remedy = f"did you mean {close[0]} where {short(key)} is?" if close else remedy
         raise bad_value(options, remedy or "write e.g. value: 1.72")
     return value
 
@@ -1166,7 +1168,7 @@ def _as_changes(value: Any) -> Any:
         section = key.split(".")[0]
         if section == "validation" or section not in Case.model_fields:
             known = [name for name in Case.model_fields if name != "validation"]
-            raise bad_value(f"{key} does not begin with a section of the case", suggestion(section, known))
+            raise bad_value(f"{short(key)} does not begin with a section of the case", suggestion(section, known))
         changes[key] = "none" if item is None else item
     return changes
 
@@ -1427,13 +1429,13 @@ class Case(CaseModel):
 
     def make_files_absolute(self, data: dict[str, Any]) -> None:
         """Turn the names of reference files in a plain case into absolute paths, in place."""
-        if self.source_folder is None:
-            return
-        for reference in data.get("reference", {}).values():
-            for part in ("curve", "curves", "interface"):
-                if part in reference:
-                    file = self.reference_file(reference[part]["file"])
-                    reference[part]["file"] = str(file.resolve())
+        if self.source_folder is not None:
+            rename_files(data, {name: str(path.resolve()) for name, path in self.reference_files.items()})
+
+    @property
+    def reference_files(self) -> dict[str, Path]:
+        """Path of each reference file by the name that the case has for it."""
+        return {holder["file"]: self.reference_file(holder["file"]) for holder in _file_holders(self.to_dict())}
 
     # -- short cuts ------------------------------------------------------------
 
@@ -1482,6 +1484,18 @@ class Case(CaseModel):
     def reference_file(self, name: str) -> Path:
         """Path of a reference file: an absolute name as it is, others within `source_folder`."""
         return (self.source_folder or Path()) / name
+
+
+def _file_holders(data: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """The mappings of a plain case that name a reference file under the key `file`."""
+    parts = ("curve", "curves", "interface")
+    return [entry[part] for entry in data.get("reference", {}).values() for part in parts if part in entry]
+
+
+def rename_files(data: Mapping[str, Any], names: Mapping[str, str]) -> None:
+    """Replace the names of reference files in a plain case, in place; names that are no key of `names` stay."""
+    for holder in _file_holders(data):
+        holder["file"] = names.get(holder["file"], holder["file"])
 
 
 def _automatic_choices(case: Case) -> dict[str, Any]:
@@ -1547,7 +1561,7 @@ def set_path(data: Any, path: str, value: Any) -> None:
         return
     for depth, key in enumerate(keys):
         last = depth == len(keys) - 1
-        so_far = ".".join(keys[:depth])
+        so_far = short(".".join(keys[:depth]))
         if isinstance(here, list):
             if not key.isdecimal() or len(key) > 9 or int(key) >= len(here):
                 rule = f"{so_far} is a list of {len(here)}"
@@ -1564,7 +1578,7 @@ def set_path(data: Any, path: str, value: Any) -> None:
                     here[key] = {}
                 here = here[key]
         else:
-            rule = f"{so_far} is a {kind_of(here)} and has no part {key}"
+            rule = f"{so_far} is a {kind_of(here)} and has no part {short(key)}"
             raise CaseError([Problem(path, value, rule, f"set {so_far} as a whole")])
 
 

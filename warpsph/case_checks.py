@@ -41,7 +41,7 @@ from warpsph.case import (
 )
 from warpsph.case_values import NAME, CaseModel, example, formula_text, suggestion
 from warpsph.errors import MISSING, ExpressionError, Problem
-from warpsph.expressions import Expression, compile_expression
+from warpsph.expressions import Expression
 
 # ----------------------------------------------------------------------------------------------------------
 # the report: pydantic's errors in the words and paths of the case file
@@ -777,13 +777,13 @@ def _check_reference(case: Any, folder: Path | None, raw: Any, name: Any, refere
     gauge = case.gauges[reference.gauge]
     kind = gauge.type
     yield from _check_reduce(path, reference)
+    yield from _guarded(_check_column(case, path, reference, gauge))
     if isinstance(reference, ReferenceCurves):
         if kind != "line":
             yield Problem(
                 f"{path}.gauge", reference.gauge, f"needs a gauge of type line, this is {kind}", "use curve"
             )
             return
-        yield from _check_line_column(case, path, reference, gauge)
         if gauge.times is not None:
             for time in reference.curves.columns:
                 if not any(math.isclose(time, known, rel_tol=1e-9) for known in gauge.times):
@@ -798,8 +798,6 @@ def _check_reference(case: Any, folder: Path | None, raw: Any, name: Any, refere
             yield Problem(
                 f"{path}.gauge", reference.gauge, f"needs a gauge of type line, this is {kind}", "use another reduce"
             )
-            return
-        yield from _check_line_column(case, path, reference, gauge)
     elif kind == "line":
         yield Problem(
             f"{path}.gauge",
@@ -807,11 +805,6 @@ def _check_reference(case: Any, folder: Path | None, raw: Any, name: Any, refere
             "is a gauge of type line and has profiles, not one number a time",
             "use curves, reduce: slope, or a gauge of type points",
         )
-    elif kind == "phase_pressure":
-        try:
-            compile_expression(reference.column, names=[str(key) for key in case.phases], constants=False)
-        except ExpressionError as error:
-            yield Problem(f"{path}.column", reference.column, f"{error.rule_with_column}", error.remedy)
 
 
 def _check_reduce(path: str, reference: Any) -> _Problems:
@@ -830,21 +823,29 @@ def _check_reduce(path: str, reference: Any) -> _Problems:
             yield Problem(f"{path}.relative_to", reference.relative_to, rule, "delete it, or write absolute")
 
 
-def _check_line_column(case: Any, path: str, reference: ReferenceCurves | ReferenceValue, gauge: Any) -> _Problems:
-    known = []
-    for name in gauge.fields:
-        if name in ("velocity", "acceleration", "normal"):
-            known += [f"{name}_{axis}" for axis in AXES[: case.dimension]]
-            known += ["speed"] if name == "velocity" else []
-        else:
-            known.append(name)
-    if reference.column not in known:
-        yield Problem(
-            f"{path}.column",
-            reference.column,
-            f"is not a column of gauge {reference.gauge}",
-            suggestion(reference.column, known),
-        )
+def _check_column(case: Any, path: str, reference: Any, gauge: Any) -> _Problems:
+    """The column of a reference is one of its gauge, or arithmetic of its columns."""
+    from warpsph.gauges import column_formula, column_names
+
+    known = column_names(reference.gauge, gauge, case if isinstance(case, Case) else _scene_of(case))
+    if reference.column in known:
+        return
+    try:
+        column_formula(known, reference.column)
+    except ExpressionError as error:
+        rule = f"is not a column of gauge {reference.gauge}, nor arithmetic of its columns: {error.rule}"
+        # Of arithmetic it is one name that is wrong, and the expression knows which.
+        about_one = error.remedy.startswith("did you mean") and not set("+-*/(").isdisjoint(reference.column)
+        remedy = error.remedy if about_one else suggestion(reference.column, [name for name in known if name != "time"])
+        yield Problem(f"{path}.column", reference.column, rule, remedy)
+
+
+def _scene_of(case: Any) -> Any:
+    """A draft with what gauges ask of a Case."""
+    sides = tuple(getattr(case.domain.boundary, axis) for axis in AXES[: case.dimension])
+    return SimpleNamespace(
+        **vars(case), phase_names=list(case.phases), sides=sides, periodic=tuple(axis.periodic for axis in sides)
+    )
 
 
 def _check_exact(case: Any, raw: Any, path: str, reference: ReferenceExact) -> _Problems:

@@ -8,6 +8,7 @@ reader run away. Scalars follow the core schema of YAML 1.2: `1e-3` is a number,
 
 from __future__ import annotations
 
+import copy
 import dataclasses
 import io
 import re
@@ -22,10 +23,10 @@ from ruamel.yaml.comments import CommentedMap, CommentedSeq
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from ruamel.yaml.scalarstring import DoubleQuotedScalarString
 
-from warpsph.case import Case, set_path
+from warpsph.case import Case, rename_files, set_path
 from warpsph.errors import MISSING, CaseError, OutputError, Problem
 
-__all__ = ["dump_case", "dump_yaml", "load_case", "read_yaml", "save_case"]
+__all__ = ["as_case", "dump_case", "dump_yaml", "load_case", "read_yaml", "save_case"]
 
 LARGEST_FILE = 500_000
 """Most bytes of a case file."""
@@ -36,17 +37,22 @@ DEEPEST_NESTING = 20
 _Place = tuple[int, int]
 
 
-def load_case(path: Path | str, overrides: Sequence[str] = ()) -> Case:
-    """Read, change and validate a case file.
+def load_case(path: Path | str | Mapping[str, Any], overrides: Sequence[str] = ()) -> Case:
+    """Read, change and validate a case.
 
+    path: a case file, or the nested plain data that one would hold, `{"dimension": 2, ...}`; reference files of the
+        latter are looked up in the current folder.
     overrides: texts `a.b=c` that replace what the file says; the path is dotted, list positions are numbers,
         the value is YAML (`domain.lower=[0, 0]`).
 
     Returns the validated Case; its `source_folder` is the folder of the file.
     Raises CaseError with all problems, line and column where they are known.
     """
-    path = Path(path)
-    tree = _read(_file_text(path), str(path))
+    if isinstance(path, Mapping):
+        tree, folder = _Tree(copy.deepcopy(dict(path)) if overrides else path), Path.cwd()
+    else:
+        path = Path(path)
+        tree, folder = _read(_file_text(path), str(path)), path.parent
     problems = list(tree.problems)
     overridden: list[str] = []
     for override in overrides:
@@ -55,12 +61,22 @@ def load_case(path: Path | str, overrides: Sequence[str] = ()) -> Case:
         except CaseError as error:
             problems += error.problems
     try:
-        case = Case.from_dict(tree.data, path.parent)
+        case = Case.from_dict(tree.data, folder)
     except CaseError as error:
         problems += [_placed(problem, tree.places, overridden) for problem in error.problems]
     if problems:
         raise CaseError(problems)
     return case
+
+
+def as_case(case: Case | Path | str | Mapping[str, Any]) -> Case:
+    """The validated case that a Case, the name of a case file or plain data stands for. Raises CaseError."""
+    if isinstance(case, Case):
+        return case
+    if not isinstance(case, Path | str | Mapping):
+        remedy = 'write e.g. "case.yaml", or {"dimension": 2, ...}'
+        raise CaseError([Problem("(case)", case, "needs a Case, the name of a case file or a mapping of keys", remedy)])
+    return load_case(case)
 
 
 def read_yaml(text: str, name: str = "(text)") -> Any:
@@ -85,15 +101,20 @@ def dump_yaml(data: Mapping[str, Any]) -> str:
     return stream.getvalue()
 
 
-def dump_case(case: Case, defaults: bool = False, folder: Path | str | None = None) -> str:
+def dump_case(
+    case: Case, defaults: bool = False, folder: Path | str | None = None, names: Mapping[str, str] | None = None
+) -> str:
     """YAML text of a case.
 
     defaults: also write what the user left out.
     folder: where the text will be stored; names of reference files are made absolute if that is not the
         case's own folder (None: they stay as they are).
+    names: instead of this, other names for reference files by their present ones.
     """
     data = case.to_dict(defaults=defaults)
-    if folder is not None and case.source_folder is not None:
+    if names is not None:
+        rename_files(data, names)
+    elif folder is not None and case.source_folder is not None:
         if Path(folder).resolve() != case.source_folder.resolve():
             case.make_files_absolute(data)
     return dump_yaml(data)

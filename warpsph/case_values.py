@@ -10,7 +10,7 @@ import difflib
 import math
 import numbers
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar, Literal, Self, TypeVar, get_args, get_origin
 
@@ -27,8 +27,8 @@ from pydantic import (
 from pydantic.fields import FieldInfo
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
-from warpsph.errors import ExpressionError
-from warpsph.expressions import Expression, compile_expression
+from warpsph.errors import ExpressionError, listed, short
+from warpsph.expressions import CONSTANTS, FUNCTIONS, Expression, compile_expression
 
 # ----------------------------------------------------------------------------------------------------------
 # values: numbers, choices, expressions
@@ -40,14 +40,23 @@ def bad_value(rule: str, remedy: str = "") -> PydanticCustomError:
 
 
 def suggestion(word: object, known: Iterable[str]) -> str:
-    """`did you mean ...?`, or the list of what is known."""
+    """`did you mean ...?`, or the list of what is known, cut if that is long."""
     options = list(known)
     if isinstance(word, str):
         folded = {option.lower(): option for option in options}
         close = difflib.get_close_matches(word.lower().replace("-", "_")[:60], list(folded), 1)
         if close:
             return f"did you mean {folded[close[0]]}?"
-    return "write one of " + ", ".join(options)
+    return "write one of " + listed(options)
+
+
+def formula_pattern(names: Iterable[str] = ()) -> str:
+    """Regular expression, for the JSON schema, that finds nothing but the words and signs of a formula in `names`.
+
+    It is no grammar: what is made of them is checked when the case is read.
+    """
+    words = sorted({*names, *CONSTANTS, *FUNCTIONS, "E", "and", "or", "not"}, key=len, reverse=True)
+    return rf"^({'|'.join(words)}|[-+*/%(),.<>=!_0-9\s])+$"
 
 
 @dataclass(frozen=True)
@@ -131,6 +140,10 @@ class NumberRule:
     def __get_pydantic_json_schema__(
         self, schema: CoreSchema, handler: GetJsonSchemaHandler
     ) -> dict[str, Any]:
+        return self.schema()
+
+    def schema(self) -> dict[str, Any]:
+        """JSON schema of what can be written."""
         number: dict[str, Any] = {"type": "integer" if self.integer else "number"}
         if self.above is not None:
             number["exclusiveMinimum"] = self.above
@@ -140,13 +153,11 @@ class NumberRule:
             number["minimum"] = self.least
         if self.most is not None:
             number["maximum"] = self.most
-        text = {
-            "type": "string",
-            "description": "arithmetic such as 2/52" + (", or auto" if self.auto else ""),
-        }
-        options = [number, text]
+        options = [number, {"type": "string", "description": "arithmetic such as 2/52", "pattern": formula_pattern()}]
+        if self.auto:
+            options.append({"const": "auto"})
         if self.none:
-            options.append({"type": "null"})
+            options.append({"enum": ["none", None]})
         return {"anyOf": options}
 
 
@@ -170,8 +181,9 @@ class ChoiceRule:
                 raise bad_value(f"has no value; needs one of {', '.join(known)}")
             raise bad_value(f"needs one of {', '.join(known)}", suggestion(value, known))
 
+        written = [*options, *(("none", None) if self.none else ())]
         return core_schema.no_info_plain_validator_function(
-            validate, metadata={"pydantic_js_functions": [lambda _s, _h: {"enum": list(options)}]}
+            validate, metadata={"pydantic_js_functions": [lambda _s, _h: {"enum": written}]}
         )
 
 
@@ -238,8 +250,14 @@ class FormulaRule:
     def __get_pydantic_json_schema__(
         self, schema: CoreSchema, handler: GetJsonSchemaHandler
     ) -> dict[str, Any]:
-        kinds = ["string"] if self.condition else ["number", "string"]
-        return {"type": kinds, "description": f"formula in {', '.join(self.names)}"}
+        text = {"type": "string", "description": f"formula in {', '.join(self.names)}"}
+        options: list[dict[str, Any]] = [{**text, "pattern": formula_pattern(self.names)}]
+        if not self.condition:
+            options.append({"type": "number"})
+        words: list[Any] = [word for word, _ in self.words]
+        if words:
+            options.append({"enum": [*words, None] if "none" in words else words})
+        return {"anyOf": options} if len(options) > 1 else options[0]
 
 
 def formula_text(value: Any) -> Any:
@@ -359,7 +377,7 @@ def field_list(known: tuple[str, ...]) -> BeforeValidator:
         for item in items:
             if item not in known:
                 raise bad_value(
-                    f"knows no field {item if isinstance(item, str) else kind_of(item)}",
+                    f"knows no field {short(item) if isinstance(item, str) else kind_of(item)}",
                     suggestion(item, known),
                 )
         if len(set(items)) != len(items):
@@ -367,6 +385,25 @@ def field_list(known: tuple[str, ...]) -> BeforeValidator:
         return items
 
     return BeforeValidator(validate)
+
+
+@dataclass(frozen=True)
+class AlsoWritten:
+    """Annotation of a field that `understand` turns into what its type takes; its schema also allows `schema`.
+
+    understand: from a value as written to one that the type knows
+    schema: JSON schema of what can be written besides; None: one item of the list that the field is
+    """
+
+    understand: Callable[[Any], Any]
+    schema: Mapping[str, Any] | None = None
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        return core_schema.no_info_before_validator_function(self.understand, handler(source))
+
+    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        inner = handler(schema)
+        return {"anyOf": [inner, inner["items"] if self.schema is None else dict(self.schema)]}
 
 
 def schema_of_fields(known: tuple[str, ...]) -> WithJsonSchema:

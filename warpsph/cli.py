@@ -37,6 +37,9 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 
+LONGEST_LINE = 1500
+"""Characters of a line of an error message, at most."""
+
 PLAIN_PROGRESS_INTERVAL = 5.0
 """Seconds between two progress lines where there is no terminal to draw a bar on."""
 
@@ -374,24 +377,33 @@ def _reported(debug: bool, run_folder: Callable[[], Path | None] = lambda: None)
     except Exception as error:
         if isinstance(error, OSError) and error.errno == errno.EPIPE:
             raise  # the reader of our output went away (`... | head`); typer ends quietly
-        from warpsph.errors import WarpsphError
+        from warpsph.errors import CaseError, WarpsphError
 
+        if isinstance(error, OSError) and error.errno == errno.ENAMETOOLONG:
+            error = CaseError([_problem("name of a file", error.filename, "is too long", "choose a shorter one")])
         if isinstance(error, WarpsphError):
             if debug:
                 import traceback
 
                 traceback.print_exc()
             else:
-                _say(str(error))
+                _say(_in_short(error))
             raise typer.Exit(error.exit_code) from None
         if debug:
             raise
-        _say(f"unexpected {type(error).__name__}: {error}\ntraceback in {_write_traceback(run_folder())}")
+        _say(f"unexpected {type(error).__name__}: {_in_short(error)}\ntraceback in {_write_traceback(run_folder())}")
         raise typer.Exit(1) from None
 
 
 def _say(message: str) -> None:
     print(message, file=sys.stderr, flush=True)
+
+
+def _in_short(error: Exception) -> str:
+    """The text of an error with its lines cut: names of files and folders may be long."""
+    from warpsph.errors import short
+
+    return "\n".join(short(line, LONGEST_LINE) for line in str(error).splitlines())
 
 
 def _write_traceback(folder: Path | None) -> str:

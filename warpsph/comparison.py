@@ -45,7 +45,6 @@ from __future__ import annotations
 import csv
 import dataclasses
 import math
-import re
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -53,9 +52,8 @@ from typing import Any
 import numpy as np
 
 from warpsph.contour import crossings_above, join_ends
-from warpsph.errors import CaseError, ExpressionError, WarpsphError
-from warpsph.expressions import compile_expression
-from warpsph.gauges import GaugeSet, read_gauge
+from warpsph.errors import CaseError, ExpressionError, WarpsphError, listed, short
+from warpsph.gauges import GaugeSet, column_formula, read_gauge, schedule_of
 from warpsph.output import Series, last_particles, read_vtp
 from warpsph.plot import read_segments
 from warpsph.snapshot import Snapshot
@@ -220,20 +218,11 @@ def pick_column(columns: Columns, units: Mapping[str, str], text: str) -> tuple[
     """
     if text in columns:
         return columns[text], units.get(text, "")
-    called = {name: name for name in columns if name.isidentifier()}
-    formula = text
-    # A name of several words gets one word as a stand-in, the longest first, since `kinetic gas` may be part of another.
-    # `gas - liquid` is none of them: as arithmetic it means the same.
-    several = [name for name in columns if " " in name and all(word.isidentifier() for word in name.split(" "))]
-    for place, name in enumerate(sorted(several, key=len, reverse=True)):
-        formula, count = re.subn(rf"(?<!\w){re.escape(name)}(?!\w)", f"column_{place}", formula)
-        if count:
-            called[f"column_{place}"] = name
     try:
-        expression = compile_expression(formula, names=list(called))
+        expression, called = column_formula(columns, text)
         values = expression.evaluate(finite=False, **{word: columns[name] for word, name in called.items()})
     except ExpressionError as error:
-        raise _NotComparable(f"there is no column {text!r}; there are {', '.join(columns)}") from error
+        raise _NotComparable(f"there is no column {short(text)!r}; there are {listed(columns)}") from error
     found = {units.get(called[word], "") for word in expression.names}
     return values, found.pop() if len(found) == 1 and not set("*/") & set(text) else ""
 
@@ -261,7 +250,7 @@ def _number(row: list[str], place: int) -> float:
 
 def _reference_column(table: Columns, key: str, file: str) -> np.ndarray:
     if key not in table:
-        raise _NotComparable(f"{file} has no column {key!r}; it has {', '.join(table)}")
+        raise _NotComparable(f"{file} has no column {key!r}; it has {listed(table)}")
     return table[key]
 
 
@@ -279,6 +268,8 @@ def _value(spec: Any, source: _Source) -> dict[str, Any]:
         times, values, unit = source.column(spec)
         inside = _in_window(spec, source, times)
         times, values = times[inside], values[inside]
+        if spec.reduce != "final":
+            _check_beginning(spec, source, times[0])
         if spec.reduce == "noise":
             value, note = noise(times, values, spec.span), f"about parabolas of {spec.span:g} s"
         elif spec.reduce == "farthest":
@@ -309,6 +300,20 @@ def _in_window(spec: Any, source: _Source, times: np.ndarray) -> np.ndarray:
     if not inside.any():
         raise _NotComparable(f"the gauge {spec.gauge!r} has no row from {start:g} to {end:g} s")
     return np.asarray(inside)
+
+
+def _check_beginning(spec: Any, source: _Source, first: float) -> None:
+    """Refuse to reduce rows of which the first ones are missing, those before a restart into another folder.
+
+    first: time of the first row in the window of the entry [s]
+    """
+    schedule = schedule_of(source.case.gauges[spec.gauge])
+    if spec.window is not None:
+        schedule.advance(spec.window[0] * (1 - 1e-8))
+    if first > schedule.next + max(1e-6 * first, 0.5 * (schedule.interval or 0.0)):
+        raise _NotComparable(
+            f"the gauge {spec.gauge!r} has no rows from {schedule.next:g} to {first:g} s: the run goes on from a checkpoint"
+        )
 
 
 REDUCTIONS: dict[str, Callable[[np.ndarray], float]] = {

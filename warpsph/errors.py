@@ -27,11 +27,15 @@ __all__ = [
     "OutputError",
     "Problem",
     "WarpsphError",
+    "listed",
+    "short",
 ]
 
 _LONGEST_VALUE = 60
 _LONGEST_PATH = 200
+_LONGEST_RULE = 1000
 _MOST_PROBLEMS_SHOWN = 50
+_MOST_NAMES = 40
 
 
 class _Missing:
@@ -83,6 +87,18 @@ def _value_text(value: Any, budget: int = _LONGEST_VALUE, depth: int = 0) -> str
     return text if len(text) <= budget else text[: budget - 3] + "..."
 
 
+def short(text: object, longest: int = _LONGEST_VALUE) -> str:
+    """Text that somebody else wrote, on one line and cut to `longest` characters, for a message."""
+    line = _one_line(str(text)[: longest + 1])
+    return line if len(line) <= longest else line[: longest - 3] + "..."
+
+
+def listed(names: Iterable[object], most: int = _MOST_NAMES) -> str:
+    """Names with commas between them, each cut short; of more than `most` the first ones and how many there are."""
+    known = [short(name) for name in names]
+    return ", ".join(known) if len(known) <= most else ", ".join(known[:most]) + f" ... ({len(known)} in all)"
+
+
 class WarpsphError(Exception):
     """Base of every error that warpsph raises on purpose; `exit_code` is what the command line returns."""
 
@@ -108,9 +124,10 @@ class Problem:
     column: int | None = None
 
     def __str__(self) -> str:
-        text = f"{_one_line(self.path[:_LONGEST_PATH])}: {_value_text(self.value)} -> {_one_line(self.rule)}"
+        # Rules and remedies are ours and short, but may quote what the user wrote.
+        text = f"{short(self.path, _LONGEST_PATH)}: {_value_text(self.value)} -> {short(self.rule, _LONGEST_RULE)}"
         if self.remedy:
-            text += f"; {_one_line(self.remedy)}"
+            text += f"; {short(self.remedy, _LONGEST_RULE)}"
         if self.line is not None:
             text += f" (line {self.line}" + (f", column {self.column})" if self.column is not None else ")")
         return text

@@ -21,7 +21,7 @@ from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from warpsph.errors import ExpressionError
+from warpsph.errors import ExpressionError, listed
 
 if TYPE_CHECKING:
     import numpy as np
@@ -293,7 +293,7 @@ class _Checker:
         close = [other] if other else difflib.get_close_matches(name[:40], known, 1)
         if close:
             return f"did you mean {close[0]}?"
-        return f"known are {', '.join([*self.names, *self.constants])} and functions such as sin, exp, where"
+        return f"known are {listed([*self.names, *self.constants])} and functions such as sin, exp, where"
 
 
 def _short(name: str) -> str:

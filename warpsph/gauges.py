@@ -2,7 +2,7 @@
 
 | type | columns | needs |
 |---|---|---|
-| energy | kinetic, potential, elastic, total, and `kinetic gas`, `total gas` ... for each phase | particles |
+| energy | kinetic, potential, elastic, surface, total, and `kinetic gas`, `total gas` ... for each phase | particles |
 | momentum | momentum_x ..., angular_z (3-D: x, y, z), scale, max_speed | particles |
 | phase_pressure | the name of each phase, `gas - liquid` ..., max, min | particles |
 | extents | `lowest_x gas`, `highest_x gas`, `centroid_x gas`, `semi_axis_x gas`, `front gas`, `area gas` ... | particles |
@@ -23,8 +23,10 @@ metre of depth.
 from __future__ import annotations
 
 import csv
+import functools
 import io
 import math
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations, product
@@ -34,7 +36,9 @@ from typing import Any, ClassVar
 import numpy as np
 
 from warpsph.contour import contour, shares_of_phases
-from warpsph.errors import CaseError, OutputError, Problem, WarpsphError
+from warpsph.errors import CaseError, OutputError, Problem, WarpsphError, listed
+from warpsph.expressions import Expression, compile_expression
+from warpsph.interface_area import interface_areas
 from warpsph.output import Schedule, whole_file, write_failure
 from warpsph.snapshot import Snapshot
 
@@ -116,11 +120,15 @@ def _by_phase(snapshot: Snapshot, values: np.ndarray, count: int) -> np.ndarray:
 
 
 class EnergyGauge(Gauge):
-    """Energies of the fluid [J]: kinetic, potential, elastic (see PhaseEos) and their total.
+    """Energies of the fluid [J]: kinetic, potential, elastic (see PhaseEos), surface and their total.
 
     potential = sum m (-g.x + B^2 |x - c|^2/2), B and c those of a central force.
+    surface = sum over the pairs of phases of their surface tension times the length (3-D: area) of their interface (see
+    `warpsph.interface_area`); that of a wall with a contact angle is not known and left out. It belongs to no phase: the
+    totals of the phases are without it.
 
-    Without equations of state (`eos`) the column `elastic` is left out and not part of the total.
+    Without equations of state (`eos`) the column `elastic` is left out and not part of the total, without surface tension
+    the column `surface`.
     """
 
     def __init__(self, name: str, spec: Any, case: Any, eos: Mapping[str, PhaseEos] | None = None) -> None:
@@ -128,11 +136,14 @@ class EnergyGauge(Gauge):
         self.gravity = np.asarray(case.gravity, np.float64)
         self.central = case.central_force
         self.eos = eos if eos is not None else _eos_of_case(case)
+        self.tensions = [pair for pair in case.surface_tension if pair.coefficient > 0]
+        self.domain, self.periodic = case.domain, tuple(case.periodic)
 
     @property
     def columns(self) -> list[Column]:
         unit = self.unit("J", "J/m")
-        names = ["kinetic", "potential", *(["elastic"] if self.eos else []), "total"]
+        parts = [*(["elastic"] if self.eos else []), *(["surface"] if self.tensions else [])]
+        names = ["kinetic", "potential", *parts, "total"]
         for phase in self.phase_names:
             names += [f"kinetic {phase}", f"total {phase}"]
         return [Column(name, unit) for name in names]
@@ -156,10 +167,20 @@ class EnergyGauge(Gauge):
                 elastic[index] = mass[mine] @ self.eos[name].elastic_energy(snapshot.density[mine])
             total += elastic
             result.append(elastic.sum())
-        result.append(total.sum())
+        surface = self._surface(snapshot) if self.tensions else 0.0
+        result += [surface] if self.tensions else []
+        result.append(total.sum() + surface)
         for index in range(count):
             result += [kinetic[index], total[index]]
         return result
+
+    def _surface(self, snapshot: Snapshot) -> float:
+        areas = interface_areas(
+            snapshot.position, snapshot.volume, snapshot.phase, len(self.phase_names),
+            self.domain.lower, self.domain.upper, self.periodic, snapshot.particle_spacing,
+        )  # fmt: skip
+        places = [sorted(self.phase_names.index(name) for name in pair.between) for pair in self.tensions]
+        return sum(pair.coefficient * areas[a, b] for pair, (a, b) in zip(self.tensions, places, strict=True))
 
 
 def _eos_of_case(case: Any) -> dict[str, PhaseEos] | None:
@@ -624,9 +645,10 @@ class PointsGauge(Gauge):
     def __init__(self, name: str, spec: Any, case: Any) -> None:
         super().__init__(name, spec, case)
         self.fields: list[str] = list(spec.fields)
-        self.points = self._points()
 
-    def _points(self) -> np.ndarray:
+    @functools.cached_property
+    def points(self) -> np.ndarray:
+        """The points, (points, dimension), m."""
         return np.asarray(self.spec.points, np.float64).reshape(-1, self.dimension)
 
     @property
@@ -658,7 +680,9 @@ class PointsGauge(Gauge):
 class LineGauge(PointsGauge):
     """Fields at `count` points spread evenly from `from` to `to`, both ends included."""
 
-    def _points(self) -> np.ndarray:
+    @functools.cached_property
+    def points(self) -> np.ndarray:
+        """The points, (points, dimension), m."""
         start, end = np.asarray(self.spec.from_, np.float64), np.asarray(self.spec.to, np.float64)
         share = np.linspace(0.0, 1.0, self.spec.count)[:, None]
         return (1.0 - share) * start + share * end
@@ -677,6 +701,32 @@ GAUGES: dict[str, type[Gauge]] = {
     "points": PointsGauge,
     "line": LineGauge,
 }
+
+
+def column_names(name: str, spec: Any, case: Any) -> list[str]:
+    """Names of the columns that a gauge of a case will have in a run, the time first."""
+    kind = GAUGES[spec.type]
+    # A run gives the energy gauge equations of state; that there are some is all that its columns depend on.
+    gauge = EnergyGauge(name, spec, case, {"": PhaseEos(1.0, 1.0, 1.0)}) if kind is EnergyGauge else kind(name, spec, case)
+    return ["time", *(column.name for column in gauge.columns)]
+
+
+def column_formula(names: Iterable[str], text: str) -> tuple[Expression, dict[str, str]]:
+    """Arithmetic of columns such as `2 * kinetic` or `highest_x gas - lowest_x gas`.
+
+    Returns the expression and the column that each of its names stands for. Raises ExpressionError.
+    """
+    names = list(names)
+    called = {name: name for name in names if name.isidentifier()}
+    formula = text
+    # A name of several words gets one word as a stand-in, the longest first, since `kinetic gas` may be part of another.
+    # `gas - liquid` is none of them: as arithmetic it means the same.
+    several = [name for name in names if " " in name and all(word.isidentifier() for word in name.split(" "))]
+    for place, name in enumerate(sorted(several, key=len, reverse=True)):
+        formula, count = re.subn(rf"(?<!\w){re.escape(name)}(?!\w)", f"column_{place}", formula)
+        if count:
+            called[f"column_{place}"] = name
+    return compile_expression(formula, names=list(called)), called
 
 
 # ------------------------------------------------------------------------------------------------------------
@@ -710,7 +760,7 @@ def read_gauge(path: Path) -> tuple[dict[str, np.ndarray], dict[str, str]]:
 class _Table:
     """The rows of one gauge, in memory and (with a path) in its file."""
 
-    def __init__(self, columns: Sequence[Column], path: Path | None, restart_time: float | None) -> None:
+    def __init__(self, columns: Sequence[Column], path: Path | None) -> None:
         self.columns = columns
         self.path = path
         self.blocks: list[np.ndarray] = []
@@ -718,6 +768,10 @@ class _Table:
         csv.writer(buffer, lineterminator="\n").writerow(str(column) for column in columns)
         self.heading = buffer.getvalue()
         self._file: io.FileIO | None = None
+
+    def open(self, restart_time: float | None) -> None:
+        """Make the file, or with a restart time [s] take over the rows that are there up to it. Raises OutputError."""
+        path = self.path
         if path is None:
             return
         if restart_time is not None and path.exists():
@@ -730,8 +784,11 @@ class _Table:
         except OSError as error:
             raise write_failure(path, error) from error
 
-    def _take_over(self, path: Path, restart_time: float) -> None:
-        """Keep the rows up to the restart time; later ones, and a last one that was cut off, go."""
+    def check(self) -> str:
+        """The rows of the file, if there is one, as text. Raises OutputError if it cannot be continued."""
+        path = self.path
+        if path is None or not path.exists():
+            return ""
         try:
             text = path.read_text(encoding="utf-8")
         except (OSError, UnicodeDecodeError) as error:
@@ -742,6 +799,11 @@ class _Table:
                 f"{path}: cannot be continued: its columns are not those of this case any more; "
                 "rename the gauge or write to another folder with --output"
             )
+        return body
+
+    def _take_over(self, path: Path, restart_time: float) -> None:
+        """Keep the rows up to the restart time; later ones, and a last one that was cut off, go."""
+        body = self.check()
         limit = restart_time + 1e-9 * abs(restart_time)
         kept, rows = [], []
         for line in body.splitlines(keepends=True):
@@ -791,11 +853,17 @@ class _Table:
 # All gauges of a run
 
 
+def schedule_of(spec: Any) -> Schedule:
+    """When a gauge of a case is due."""
+    return Schedule(getattr(spec, "interval", None), getattr(spec, "times", None))
+
+
 class GaugeSet:
     """The gauges of a case: when they are due, their rows in memory and in `folder` (None: in memory only).
 
-    `eos` gives the energy gauge the sound speeds that were chosen for `auto`. With `restart_time` [s] the
-    files in the folder are continued: rows after that time are cut off. Raises OutputError.
+    `eos` gives the energy gauge the sound speeds that were chosen for `auto`. Of a run that starts later than 0, at
+    `start_time` [s], what was due before is past. With `restart_time` [s] that is so too, and the files in the folder are
+    continued: rows after that time are cut off, but only once all files are known to fit. Raises OutputError.
     """
 
     def __init__(
@@ -805,6 +873,7 @@ class GaugeSet:
         *,
         eos: Mapping[str, PhaseEos] | None = None,
         restart_time: float | None = None,
+        start_time: float | None = None,
     ) -> None:
         self.gauges: dict[str, Gauge] = {}
         self.schedules: dict[str, Schedule] = {}
@@ -818,18 +887,20 @@ class GaugeSet:
             if twice is not None:
                 rule = f"has two columns called {twice!r}"
                 raise CaseError([Problem(f"gauges.{name}", spec.type, rule, "rename the phase or obstacle")])
-            path = None if folder is None else folder / f"{name}.csv"
-            table = _Table(columns, path, restart_time)
-            schedule = Schedule(getattr(spec, "interval", None), getattr(spec, "times", None))
-            if restart_time is not None:
-                # What was due before the restart is past. What is due right at it may be missing in the
-                # file, if the # checkpoint was written before the row.
-                schedule.advance(restart_time * (1.0 - 1e-8))
-                if table.blocks:
-                    schedule.advance(float(table.blocks[-1][-1, 0]))
             self.gauges[name] = gauge
-            self.schedules[name] = schedule
-            self._tables[name] = table
+            self._tables[name] = _Table(columns, None if folder is None else folder / f"{name}.csv")
+            self.schedules[name] = schedule_of(spec)
+        if restart_time is not None:
+            start_time = restart_time
+            for table in self._tables.values():
+                table.check()
+        for name, table in self._tables.items():
+            table.open(restart_time)
+            if start_time is not None:
+                # What is due right at the restart may be missing in the file, if the checkpoint was written before the row.
+                self.schedules[name].advance(start_time * (1.0 - 1e-8))
+                if table.blocks:
+                    self.schedules[name].advance(float(table.blocks[-1][-1, 0]))
 
     @property
     def next_time(self) -> float:
@@ -870,7 +941,7 @@ class GaugeSet:
     def series(self, name: str) -> dict[str, np.ndarray]:
         """What a gauge has measured so far: column name (without unit) -> values, `time` among them."""
         if name not in self._tables:
-            raise KeyError(f"no gauge {name!r}; there are {', '.join(self._tables) or 'none'}")
+            raise KeyError(f"no gauge {name!r}; there are {listed(self._tables) or 'none'}")
         return self._tables[name].series()
 
     def units(self, name: str) -> dict[str, str]:

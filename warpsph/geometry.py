@@ -29,7 +29,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from warpsph.borders import VOID, Regions, fluid_pairs_off_lattice
-from warpsph.errors import CaseError, ExpressionError, Problem
+from warpsph.errors import MISSING, CaseError, ExpressionError, Problem
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -62,6 +62,9 @@ _ON_BORDER = 1e-6
 _BORDER_SHIFT = (1.0, 0.618, 0.414)
 """Direction in which sites are moved by `_ON_BORDER` before a test. Along no simple line, so that the sites
 on a sloping border are decided in the same way all along it."""
+
+LIGHT = 0.2
+"""Share of the largest density below which a phase counts as light: a gas beside a liquid."""
 
 _WALL_GAP = 0.25
 """Nearest that a random displacement brings a particle to the wall of a side, in spacings."""
@@ -184,9 +187,9 @@ def build(case: Case, support: float, unlock: float = 0.0, arrange: Arrange | No
     unlock: least random displacement of the fluid particles as a fraction of the spacing.
     arrange: makes the fitted arrangement where the case has one; without it the particles stay on the lattice.
 
-    Raises CaseError with every problem found: regions that overlap or hold no particle, no fluid at all, a
-    domain thinner than a particle, a periodic axis shorter than the support's diameter, start values that are
-    not finite.
+    Raises CaseError with every problem found: regions that overlap or hold no particle, no fluid at all, a gas beside a
+    liquid at an open side or at empty space, a domain thinner than a particle, a periodic axis shorter than the support's
+    diameter, start values that are not finite.
     """
     warnings: list[str] = []
     lattice = make_lattice(case, support, warnings)
@@ -203,6 +206,7 @@ def build(case: Case, support: float, unlock: float = 0.0, arrange: Arrange | No
     phase_index = {name: k for k, name in enumerate(case.phase_names)}
     # The entry appended at the end is what region -1, an empty cell, finds.
     phase_of_region = np.array([*(phase_index[fluid.phase] for fluid in case.fluids), -1], dtype=np.int32)
+    problems += _loose_gas(case, lattice, phase_of_region[region], walls.solid_in_domain(), support)
     regions = Regions(lattice, case.periodic, region, walls.solid_in_domain(), phase_of_region, _EntryAt(case))
     arrangement, reason = _arrangement(case, regions)
     if arrangement == "lattice":
@@ -613,6 +617,71 @@ def _regions(
             problems.append(Problem(path, fluid.shape.kind, rule, remedy))
         region[mask] = k
     return region
+
+
+def _loose_gas(
+    case: Case, lattice: Lattice, phase: NDArray[np.int32], solid: NDArray[np.bool_] | None, support: float
+) -> list[Problem]:
+    """A problem for each light phase beside a dense one that an open side or empty space is in reach of.
+
+    Nothing holds the pressure of a gas there: it is torn like a liquid, and what it does to the liquid is nonsense. A
+    liquid alone has a free surface there, at which its pressure is zero.
+
+    phase: of each cell of the domain, -1 where there is no fluid
+    support: reach of the smoothing kernel, m; it is followed along the axes, and obstacles end it
+    """
+    names = case.phase_names
+    densities = [case.phases[name].density for name in names]
+    light = [k for k, density in enumerate(densities) if density < LIGHT * max(densities)]
+    problems: list[Problem] = []
+    if not light:
+        return problems
+    passable = ~solid if solid is not None else np.ones(phase.shape, np.bool_)
+    empty, beside_empty = (phase < 0) & passable, np.zeros(phase.shape, np.bool_)
+    if not (case.has_open_sides or empty.any()):
+        return problems
+    places = {"fluids": beside_empty}  # key -> cells from which it is in reach
+    for axis, sides in enumerate(case.sides):
+        reach = math.ceil(support / lattice.spacing[axis] - 1e-9)
+        beside_empty |= _seen(empty, passable, axis, reach, case.periodic[axis])
+        both = sides.lower.kind == sides.upper.kind
+        for end, side, first in (("lower", sides.lower, 0), ("upper", sides.upper, -1)):
+            if side.kind == "open":
+                rim = np.zeros(phase.shape, np.bool_)
+                np.moveaxis(rim, axis, 0)[first] = np.moveaxis(passable, axis, 0)[first]
+                key = f"domain.boundary.{AXES[axis]}" + ("" if both else f".{end}")
+                places[key] = _seen(rim, passable, axis, reach - 1, wraps=False) | places.get(key, False)
+    for key, seen in places.items():
+        for k in light:
+            touched = seen & (phase == k)
+            if touched.any():
+                gas = f"the gas {names[k]} ({densities[k]:g} kg/m^3 beside {max(densities):g})"
+                problems.append(_loose_gas_problem(key, gas, _at(lattice.axes(domain_only=True), _first(touched))))
+    return problems
+
+
+def _seen(start: NDArray[np.bool_], passable: NDArray[np.bool_], axis: int, reach: int, wraps: bool) -> NDArray[np.bool_]:
+    """The cells at most `reach` cells from those of `start` along an axis, with none between that is not passable."""
+    cells, free = np.moveaxis(start.copy(), axis, 0), np.moveaxis(passable, axis, 0)
+    for _ in range(reach):
+        grown = cells.copy()
+        grown[1:] |= cells[:-1]
+        grown[:-1] |= cells[1:]
+        if wraps:
+            grown[0] |= cells[-1]
+            grown[-1] |= cells[0]
+        cells = grown & free
+    return np.moveaxis(cells, 0, axis)
+
+
+def _loose_gas_problem(key: str, gas: str, place: str) -> Problem:
+    if key == "fluids":
+        rule = f"{gas} meets empty space at {place}, where nothing holds its pressure"
+        remedy = "fill the space with it (shape: rest) in a closed or periodic domain, or leave the gas out"
+        return Problem(key, MISSING, rule, remedy)
+    rule = f"{gas} meets this side at {place}, where nothing holds its pressure"
+    remedy = "make the side a wall, or leave the gas out: the liquid then has a free surface"
+    return Problem(key, "open", rule, remedy)
 
 
 def _off_lattice(case: Case, lattice: Lattice) -> list[str]:

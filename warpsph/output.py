@@ -2,6 +2,7 @@
 
     run folder/
       case.yaml                      the case as it was run
+      reference/                     copies of the reference files that it names, so that the folder can be moved
       log.txt
       particles/fluid_000000.vtp ... fluid.pvd       open the .pvd in ParaView, show as Point Gaussian
       particles/wall_000000.vtp ...  wall.pvd        one frame only, unless walls move
@@ -400,9 +401,9 @@ class Series:
 class RunFolder:
     """The folder of one run; it belongs to this object until `close`.
 
-    `path` must not exist or be empty, unless `resume` is true. `case_text` goes to case.yaml. `fields` and
-    `precision` are those of `write_vtp`. Raises OutputError if the folder holds something, is in use or
-    cannot be written.
+    `path` must not exist or be empty, unless `resume` is true. `case_text` goes to case.yaml; without it `write_case`
+    writes that file later. `fields` and `precision` are those of `write_vtp`. Raises OutputError if the folder holds
+    something, is in use or cannot be written.
     """
 
     def __init__(
@@ -418,6 +419,7 @@ class RunFolder:
         self.particles = self.path / "particles"
         self.gauges = self.path / "gauges"
         self.checkpoints = self.path / "checkpoint"
+        self.references = self.path / "reference"
         self.case_path = self.path / "case.yaml"
         self.log_path = self.path / "log.txt"
         self.summary_path = self.path / "summary.json"
@@ -453,7 +455,7 @@ class RunFolder:
                 for series in self.series.values():
                     series.read()
             if case_text is not None:
-                write_text(self.case_path, case_text)
+                self.write_case(case_text)
         except OSError as error:
             self._log.close()
             raise write_failure(self.path, error) from error
@@ -473,6 +475,38 @@ class RunFolder:
             raise OutputError(f"{self.path}: another run is writing into this folder") from error
         except OSError:  # a file system without locks
             return
+
+    def write_case(self, text: str) -> None:
+        """Write case.yaml. Raises OutputError."""
+        write_text(self.case_path, text)
+
+    def keep_references(self, files: Mapping[str, Path]) -> dict[str, str]:
+        """Copy reference files into the folder and return their names there, relative to it, by their names in the case.
+
+        files: path of each by the name that the case has for it; what is not there is left out. Files of one name from
+        different places get different ones. Raises OutputError.
+        """
+        names: dict[str, str] = {}
+        sources: dict[str, Path] = {}  # name in the folder -> where the file comes from
+        for name, path in files.items():
+            if not path.is_file():
+                continue
+            kept, number = path.name, 1
+            while sources.setdefault(kept, path.resolve()) != path.resolve():
+                number += 1
+                kept = f"{path.stem}_{number}{path.suffix}"
+            names[name] = f"{self.references.name}/{kept}"
+        try:
+            # All are read before one is written: a case may name files of this very folder.
+            contents = {kept: source.read_bytes() for kept, source in sources.items()}
+            if contents:
+                self.references.mkdir(exist_ok=True)
+        except OSError as error:
+            raise OutputError(f"{error.filename}: a reference file cannot be copied: {error.strerror or error}") from error
+        for kept, content in contents.items():
+            with whole_file(self.references / kept, needed=len(content)) as temporary:
+                temporary.write_bytes(content)
+        return names
 
     def cut_after(self, time: float) -> None:
         """Before continuing from a checkpoint of `time` [s]: drop the frames that were written later."""

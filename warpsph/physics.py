@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from warpsph.errors import CaseError, Problem
+from warpsph.geometry import LIGHT
 from warpsph.kernels.smoothing import KERNELS
 from warpsph.kernels.spec import Spec
 
@@ -24,7 +25,6 @@ COMPRESSION = 0.01
 # The same for the pressure that a phase sees which is lighter than LIGHT times the densest: it starts with the density of
 # its start pressure, or shares a closed domain with a stiffer phase, so that its volume follows the *change* of the pressure
 # alone, a fraction of what it sees. Its sound sets the time step.
-LIGHT = 0.2
 LIGHT_COMPRESSION = 0.04
 # Share of the scene's pressure range that a phase must carry even where it sees little of it itself.
 SHARED_PRESSURE = 0.01

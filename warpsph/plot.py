@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from warpsph.case_file import read_yaml
-from warpsph.errors import CaseError, OutputError, Problem
+from warpsph.errors import CaseError, OutputError, Problem, listed
 from warpsph.gauges import FIELD_UNITS, VECTOR_FIELDS, read_gauge
 from warpsph.output import Series, read_vtp
 from warpsph.snapshot import Snapshot
@@ -442,7 +442,7 @@ def read_segments(
                     heading = [cell.strip() for cell in row[:4]]
                     named = [re.match(r"[xy][12](?![0-9A-Za-z])", cell) for cell in heading]
                     if tuple(match.group() if match else "" for match in named) != SEGMENT_COLUMNS:
-                        refuse(f"its first columns are {', '.join(heading)}")
+                        refuse(f"its first columns are {listed(heading)}")
                     continue
                 try:
                     numbers = [float(cell) for cell in row[:4]]

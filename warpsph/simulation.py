@@ -34,7 +34,7 @@ import numpy as np
 
 from warpsph import checkpoint
 from warpsph.comparison import compare, format_comparison
-from warpsph.errors import CaseError, DivergenceError, Interrupted, OutputError, Problem, WarpsphError
+from warpsph.errors import CaseError, DivergenceError, Interrupted, OutputError, Problem, WarpsphError, short
 from warpsph.gauges import GaugeSet, PhaseEos
 from warpsph.geometry import build
 from warpsph.output import RunFolder, Schedule, Writer
@@ -45,6 +45,8 @@ from warpsph.snapshot import Snapshot
 if TYPE_CHECKING:
     from warpsph.case import Case
     from warpsph.model import Model
+
+    CaseLike = Case | Path | str | Mapping[str, Any]
 
 PORTION = 0.5  # s of wall time between two looks at the clock
 FIRST_STEPS = 1
@@ -74,7 +76,7 @@ class Simulation:
     """One run of a case.
 
     Args:
-        case: validated case.
+        case: a validated case, the name of a case file, or the nested plain data that one would hold.
         output: folder for the results; None keeps gauges and the last state in memory alone.
         device: Warp device name, "cpu" or "cuda:0".
         threads: threads of a CPU device (default: all processors).
@@ -84,7 +86,8 @@ class Simulation:
     than the checkpoint; another folder must be new or empty, and starts at the time of the checkpoint.
 
     Raises:
-        CaseError: the device does not exist, or the checkpoint does not fit the case.
+        CaseError: the case is wrong, the device does not exist, the checkpoint does not fit the case, or with an output
+            folder there is nothing left to compute after the checkpoint.
         OutputError: the output folder cannot be used.
         CapacityError: the neighbour list cannot hold the particles of the start.
 
@@ -96,17 +99,19 @@ class Simulation:
 
     def __init__(
         self,
-        case: Case,
+        case: CaseLike,
         output: Path | str | None = None,
         device: str = "cpu",
         threads: int | None = None,
         restart: Path | str | None = None,
     ) -> None:
+        from warpsph.case_file import as_case
         from warpsph.model import Model, quiet_warp
 
         begin = time.perf_counter()
         quiet_warp()
         _check_device(device)
+        case = as_case(case)
         self.case = case
         self.summary: dict[str, Any] = {}
         self.warnings: list[str] = []
@@ -118,6 +123,8 @@ class Simulation:
         if restart is not None:
             self._restart = _find_checkpoint(Path(restart), self.warnings.append)
             state, attributes = checkpoint.load(self._restart)
+            if output is not None:
+                _check_unfinished(case, self._restart, Path(output), float(attributes["time"]))
         self.model: Model = Model(case, device=device, threads=threads, fresh=state is None)
         if state is not None:
             _check_fit(self.model, state, attributes)
@@ -141,6 +148,7 @@ class Simulation:
                 self.folder.cut_after(self.started_at)
                 (self.folder.particles / "failed_fluid.vtp").unlink(missing_ok=True)
                 checkpoint.delete_after(self.folder.checkpoints, self.first_step)
+            self._write_case()
             self._log_start()
         except BaseException as error:
             if self.folder is not None:
@@ -164,13 +172,19 @@ class Simulation:
     def _open_folder(self, output: Path | str | None, resume: bool) -> RunFolder | None:
         if output is None:
             return None
-        from warpsph.case_file import dump_case
-
         particles = self.case.output.particles
         options: dict[str, Any] = {"precision": self.case.precision}
         if particles is not None:
             options["fields"] = particles.fields
-        return RunFolder(output, case_text=dump_case(self.case, folder=output), resume=resume, **options)
+        return RunFolder(output, resume=resume, **options)
+
+    def _write_case(self) -> None:
+        """Write case.yaml, in the folder of a restart over that of the run so far, and the files that it names."""
+        from warpsph.case_file import dump_case
+
+        if self.folder is not None:
+            names = self.folder.keep_references(self.case.reference_files)
+            self.folder.write_case(dump_case(self.case, names=names))
 
     def _make_gauges(self, resume: bool) -> GaugeSet:
         eos = {
@@ -178,7 +192,8 @@ class Simulation:
             for (name, phase), c in zip(self.case.phases.items(), self.physics.sound_speed, strict=True)
         }
         folder = None if self.folder is None else self.folder.gauges
-        return GaugeSet(self.case, folder, eos=eos, restart_time=self.started_at if resume else None)
+        started = None if self._restart is None else self.started_at
+        return GaugeSet(self.case, folder, eos=eos, restart_time=started if resume else None, start_time=started)
 
     def _log_start(self) -> None:
         if self.folder is None:
@@ -645,22 +660,32 @@ class _Meter:
             )
 
 
-def run(case: Case, **options: Any) -> Simulation:
-    """Run a case and return the finished `Simulation`; the options are those of `Simulation`."""
+def run(case: CaseLike, **options: Any) -> Simulation:
+    """Run a case and return the finished `Simulation`.
+
+    Args:
+        case: a validated case, the name of a case file, or the nested plain data that one would hold.
+        options: `output`, `device`, `threads` and `restart` of `Simulation`.
+
+    Raises:
+        CaseError: the case is wrong, or an option does not fit it; else as `Simulation` and `Simulation.run`.
+    """
     return Simulation(case, **options).run()
 
 
 # before a run -------------------------------------------------------------------------------------------
 
 
-def describe(case: Case) -> dict[str, Any]:
+def describe(case: CaseLike) -> dict[str, Any]:
     """Return what a run of the case would be: resolved case, structure, stages, and what is absent and why.
 
     Compiles and allocates nothing on a device.
     """
     from warpsph import schemes
+    from warpsph.case_file import as_case
     from warpsph.kernels.fields import fields_of
 
+    case = as_case(case)
     geometry = build(case, support_radius(case))
     physics = derive(case, geometry)
     known: dict[str, Any] = {
@@ -689,11 +714,13 @@ def describe(case: Case) -> dict[str, Any]:
     }
 
 
-def estimate(case: Case) -> dict[str, Any]:
+def estimate(case: CaseLike) -> dict[str, Any]:
     """Return particle counts, memory [bytes], time step [s], steps and seconds to expect, and warnings."""
+    from warpsph.case_file import as_case
     from warpsph.kernels.fields import fields_of
     from warpsph.neighbours import default_width
 
+    case = as_case(case)
     geometry = build(case, support_radius(case))
     physics = derive(case, geometry)
     spec = physics.spec
@@ -769,6 +796,24 @@ def _find_checkpoint(path: Path, message: Callable[[str], None]) -> Path:
     return found
 
 
+def _check_unfinished(case: Case, restart: Path, output: Path, moment: float) -> None:
+    """Refuse to go on from a checkpoint of a time [s] at or after the end, before anything in a folder is changed.
+
+    A run that was killed between its last checkpoint and its summary may go on: it has its comparison still to write.
+    """
+    if not _reached(moment, case.end_time):
+        return
+    summary = output / "summary.json"
+    if _reached(case.end_time, moment) and _is_inside(restart, output):
+        try:
+            if json.loads(summary.read_text(encoding="utf-8"))["status"] != "finished":
+                return
+        except (OSError, ValueError, KeyError, TypeError):
+            return
+    rule = f"the checkpoint {restart} is of t = {moment:.6g} s already: there is nothing left to compute"
+    raise CaseError([Problem("end_time", case.end_time, rule, "give a later end_time, or name an earlier checkpoint")])
+
+
 def _is_inside(file: Path, folder: Path) -> bool:
     """Whether a checkpoint is one of the run folder's own."""
     return file.resolve().parent == (folder / "checkpoint").resolve()
@@ -785,7 +830,7 @@ def _check_fit(model: Model, state: Mapping[str, np.ndarray], attributes: Mappin
     saved, problems = attributes.get("scene", {}), []
     for key, value in _scene(model.case).items():
         if saved.get(key) != value:
-            rule = f"the checkpoint was written with {saved.get(key)}"
+            rule = f"the checkpoint was written with {short(saved.get(key), 200)}"
             problems.append(Problem(key, value, rule, SAME_CASE))
     count = len(state.get("anchor", ()))
     if not problems and count != model.particles.count:

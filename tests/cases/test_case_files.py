@@ -66,6 +66,22 @@ def test_the_case_starts(name, tmp_path):
     assert list(simulation.summary["errors"]) == list(case.reference)
 
 
+def test_the_starter_case_does_what_its_title_says(tmp_path):
+    """An ellipse at first, a circle with the pressure of one in the end, by the references that the file names."""
+    text = (FOLDER.parent / "warpsph" / "starter.yaml").read_text(encoding="utf-8").replace("NAME", "mine")
+    (tmp_path / "mine.yaml").write_text(text, encoding="utf-8")
+    simulation = Simulation(tmp_path / "mine.yaml", output=tmp_path / "run", threads=1).run()
+    assert simulation.case.title == "Drop that becomes round"
+    shape = simulation.gauge("shape")
+    width, height = (shape[f"highest_{axis} oil"] - shape[f"lowest_{axis} oil"] for axis in "xy")
+    assert width[0] == pytest.approx(0.006, rel=0.02) and height[0] == pytest.approx(0.004, rel=0.02)
+    assert shape["circularity oil"][0] < 0.975
+    assert width[-1] == pytest.approx(height[-1], rel=0.03)
+    errors = simulation.summary["errors"]
+    assert set(errors) == {"round", "pressure_jump"} and all(entry["passed"] for entry in errors.values()), errors
+    assert simulation.summary["wall_seconds"] < 60 and simulation.summary["warnings"] == []
+
+
 # -- in full -----------------------------------------------------------------------------------------------
 
 

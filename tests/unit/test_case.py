@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from jsonschema import Draft202012Validator
 from pydantic import BaseModel, TypeAdapter
 
 from warpsph import case as case_module
@@ -616,6 +617,104 @@ def test_direct_construction_is_checked_too():
     assert Case(**SMALL) == Case.from_dict(SMALL)
 
 
+# ---- messages stay short ---------------------------------------------------------------------------------
+
+
+def places(data, path=()):
+    """Every mapping and list of nested data with each of its keys."""
+    for key, item in data.items() if isinstance(data, dict) else enumerate(data):
+        yield (*path, key)
+        if isinstance(item, dict | list):
+            yield from places(item, (*path, key))
+
+
+LONG = "so_long_" * 5000
+# What a validation run changes is read with that run.
+EVERYWHERE = [path for path in places(read_yaml(FULL)) if "changes" not in path]
+
+
+@pytest.mark.parametrize(
+    ("value", "first"), [(LONG, 0), ([LONG] * 1000, 1), ({LONG: LONG}, 2)], ids=["text", "list", "mapping"]
+)
+def test_long_input_is_not_echoed_whole(folder: Path, value, first):
+    """40 kB in place of a value, or as a key beside it, make a message that fits on a screen."""
+    for path in EVERYWHERE[first::3]:
+        data = read_yaml(FULL)
+        holder = data
+        for key in path[:-1]:
+            holder = holder[key]
+        holder[path[-1]] = value
+        if isinstance(holder, dict):
+            holder[LONG] = value
+        with pytest.raises(CaseError) as caught:
+            Case.from_dict(data, folder)
+        assert all(len(line) < 1500 for line in str(caught.value).splitlines()), path
+    with pytest.raises(CaseError) as caught:
+        Case.from_dict(read_yaml(FULL)).replace({f"end_time.{LONG}": 1, LONG: 2})
+    assert all(len(line) < 1500 for line in str(caught.value).splitlines())
+
+
+def test_an_unknown_gauge_type_is_told_in_short():
+    (problem,) = problems_of(small(gauges={"a": {"type": "contur" + 40_000 * "r", "interval": 1}})).values()
+    assert len(str(problem)) < 400 and "has an unknown type contur" in problem.rule
+    (problem,) = problems_of(small(gauges={"a": {"type": "contur", "interval": 1}})).values()
+    assert problem.remedy == "did you mean contour?"
+
+
+# ---- columns of gauges -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("gauge", "column", "remedy"),
+    [
+        ("energy", "kinetc", "did you mean kinetic?"),
+        ("energy", "kinetic_gas", "did you mean kinetic gas?"),
+        ("energy", "kinetic + potentail", "did you mean potential?"),
+        ("momentum", "momentum_z", "did you mean momentum_"),
+        ("jump", "gass", "did you mean gas?"),
+        ("jump", "gas - solid", "liquid"),
+        ("surface", "length", "interface_length"),
+        ("size", "semi_axis_z gas", "did you mean semi_axis_"),
+        ("load", "force_x domian", "did you mean force_x domain?"),
+        ("probe", "density", "pressure"),
+        ("profile", "speed", "velocity_x"),
+        ("profile", "velocity_z", "did you mean velocity_"),
+    ],
+)
+def test_columns_are_known_before_the_run(folder: Path, gauge, column, remedy):
+    data = read_yaml(FULL)
+    entry = {"gauge": gauge, "column": column, "value": 1, "reduce": "slope" if gauge == "profile" else "mean"}
+    data["reference"] = {"wrong": entry}
+    with pytest.raises(CaseError) as caught:
+        Case.from_dict(data, folder)
+    (problem,) = caught.value.problems
+    assert problem.path == "reference.wrong.column" and f"is not a column of gauge {gauge}" in problem.rule
+    assert remedy in problem.remedy
+    # and beside another fault
+    data["end_time"] = -1
+    with pytest.raises(CaseError) as caught:
+        Case.from_dict(data, folder)
+    assert {problem.path for problem in caught.value.problems} == {"end_time", "reference.wrong.column"}
+
+
+@pytest.mark.parametrize(
+    ("gauge", "column"),
+    [
+        ("energy", "2 * kinetic gas + elastic"),
+        ("energy", "total liquid"),
+        ("jump", "gas - liquid"),
+        ("jump", "gas-liquid"),
+        ("size", "highest_x gas - lowest_x gas"),
+        ("load", "force_y domain"),
+        ("probe", "velocity_y/2"),
+    ],
+)
+def test_columns_and_arithmetic_of_columns_are_fine(folder: Path, gauge, column):
+    data = read_yaml(FULL)
+    data["reference"] = {"right": {"gauge": gauge, "column": column, "value": 1}}
+    Case.from_dict(data, folder)
+
+
 # ---- schema ----------------------------------------------------------------------------------------------
 
 
@@ -649,6 +748,83 @@ def test_schema():
     )
     assert "from" in schema["$defs"]["LineGauge"]["properties"]
     assert "<" not in "".join(schema["$defs"]["AxisBoundary"])
+
+
+def is_allowed_by_schema(data) -> bool:
+    return Draft202012Validator(case_schema()).is_valid(json.loads(json.dumps(data)))
+
+
+ROOT = Path(__file__).parents[2]
+SHIPPED = [*sorted((ROOT / "cases").glob("*.yaml")), ROOT / "warpsph" / "starter.yaml"]
+
+
+@pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)
+def test_schema_allows_every_case_file(path: Path):
+    """As it stands, and as a run folder and `show` write it, where more keys are `none`."""
+    assert is_allowed_by_schema(read_yaml(path.read_text(encoding="utf-8")))
+    case = load_case(path)
+    assert is_allowed_by_schema(case.to_dict(defaults=True))
+    assert is_allowed_by_schema(case.resolved())
+
+
+@pytest.mark.parametrize(
+    ("path", "value"),
+    [
+        ("end_time", "2/52"),
+        ("end_time", "3*sqrt(1/9.81)"),
+        ("numerics", {"maximum_step": "none", "skin": "auto", "courant": "1/2", "volume_constraint": False}),
+        ("numerics", {"maximum_step": None, "neighbour_capacity": "4*16"}),
+        ("output", {"particles": "none", "checkpoint": "none"}),
+        ("start", {"pressure": "none", "velocity": [0, "sin(2*pi*x)"]}),
+        ("start", {"pressure": "hydrostatic"}),
+        ("start", {"pressure": "where(y < 0.5 and not x > 1e-3, 9.81*(1 - y), 0)"}),
+        ("domain", {"lower": [0, 0], "upper": ["2*pi", 1], "boundary": {"x": {"wall": "no_slip", "velocity": [0, "1/2"]}}}),
+        ("gauges", {"line": {"type": "contour", "mirror": "none", "times": ["1/3", 0.5]}}),
+        ("reference", {"speed": {"particles": "last", "field": "speed", "exact": "exp(-t)*r"}}),
+        ("reference", {"speed": {"particles": "last", "field": "speed", "exact": 0}}),
+        ("reference", {"speed": {"particles": "last", "field": "velocity", "exact": [0, "x"]}}),
+    ],
+)
+def test_schema_allows_what_a_case_may_write(path, value):
+    data = small(**{path: value})
+    Case.from_dict(data)
+    assert is_allowed_by_schema(data)
+
+
+@pytest.mark.parametrize(
+    ("path", "value"),
+    [
+        ("end_tme", 1),
+        ("end_time", True),
+        ("end_time", [1]),
+        ("end_time", "soon"),
+        ("end_time", "auto"),
+        ("end_time", "none"),
+        ("end_time", 0),
+        ("dimension", 4),
+        ("dimension", "two"),
+        ("domain", {"lower": [0, 0], "upper": [1, "top"]}),
+        ("domain", {"lower": [0, 0], "upper": [1, 1], "boundary": {"x": "wal"}}),
+        ("domain", {"lower": [0, 0], "upper": [1, 1], "boundary": {"x": {"wall": "no_slip", "velocity": ["fast", 0]}}}),
+        ("phases", {"water": {"density": "heavy"}}),
+        ("phases", {"water": {"density": 1, "viscosty": 1}}),
+        ("fluids", [{"phase": "water", "shape": "the rest"}]),
+        ("fluids", [{"phase": "water", "shape": {"where": {"condition": 1}}}]),
+        ("start", {"pressure": "hydrostatc"}),
+        ("start", {"velocity": ["sin(2*pi*q)", 0]}),
+        ("numerics", {"maximum_step": "never"}),
+        ("numerics", {"kernel": "wendland"}),
+        ("output", {"particles": "never"}),
+        ("output", {"checkpoint": {"interval": "none"}}),
+        ("gauges", {"line": {"type": "contour", "mirror": "z", "interval": 1}}),
+        ("gauges", {"line": {"type": "contours", "interval": 1}}),
+        ("reference", {"speed": {"particles": "last", "field": "speed", "exact": {"x": 1}}}),
+    ],
+)
+def test_schema_refuses_unknown_keys_and_wrong_types(path, value):
+    data = small(**{path: value})
+    problems_of(data)
+    assert not is_allowed_by_schema(data)
 
 
 # ---- files -----------------------------------------------------------------------------------------------

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from warpsph.case import Case
-from warpsph.comparison import compare, format_comparison, particle_norm
+from warpsph.comparison import compare, format_comparison, particle_norm, pick_column
 from warpsph.errors import CaseError
 from warpsph.gauges import GaugeSet
 from warpsph.output import RunFolder
@@ -139,8 +139,8 @@ def test_what_is_missing_becomes_a_note(run):
     case = make_case({"a": {"gauge": "size", "column": "area gas", "value": 1}})
     assert "size.csv: cannot be read" in one(case, run)["note"]
     assert "there is no gauge 'size'" in one(case)["note"]
-    case = make_case({"a": {"gauge": "energy", "column": "magnetic", "value": 1}})
-    assert one(case, run)["note"] == "there is no column 'magnetic'; there are time, kinetic"
+    case = make_case({"a": {"gauge": "energy", "column": "elastic", "value": 1}})
+    assert one(case, run)["note"] == "there is no column 'elastic'; there are time, kinetic"
     write_gauge(run, "energy", "time [s],kinetic [J/m]\n")
     case = make_case({"a": {"gauge": "energy", "column": "kinetic", "value": 1}})
     assert one(case, run)["note"].startswith("not reached")
@@ -214,20 +214,21 @@ def test_extremes_are_not_taken_from_the_noise(run):
     assert "eight rows" in one(few, run)["note"]
 
 
-def test_arithmetic_of_columns_whose_names_have_several_words(run):
+def test_arithmetic_of_columns_whose_names_have_several_words():
     """`highest_x gas` is part of `highest_x gas liquid`, and `gas - liquid` is arithmetic, not a name in it."""
-    heading = "time [s],highest_x gas [m],highest_x gas liquid [m],gas [m],liquid [m],gas - liquid [m],scale [kg/s]\n"
-    write_gauge(run, "size", heading + "0.0,5,70,11,13,-2,0\n1.0,5,70,11,13,-2,3\n")
+    names = ("time", "highest_x gas", "highest_x gas liquid", "gas", "liquid", "gas - liquid", "scale")
+    columns = dict(zip(names, np.array([[0.0, 5, 70, 11, 13, -2, 0], [1.0, 5, 70, 11, 13, -2, 3]]).T, strict=True))
+    units = {name: "m" for name in names[1:-1]} | {"time": "s", "scale": "kg/s"}
 
     def last(column):
-        result = one(make_case({"a": {"gauge": "size", "column": column, "reduce": "final", "value": 1}}), run)
-        return result["value"], result["unit"]
+        values, unit = pick_column(columns, units, column)
+        return values[-1], unit
 
     assert last("highest_x gas liquid - highest_x gas") == (65.0, "m")
     assert last("2 * highest_x gas / scale") == (pytest.approx(10 / 3), "")
     assert last("2*gas - liquid")[0] == 9.0  # not 2 * (gas - liquid)
-    entry = {"gauge": "size", "column": "highest_x gasliquid", "value": 1}
-    assert "there is no column 'highest_x gasliquid'" in one(make_case({"a": entry}), run)["note"]
+    with pytest.raises(Exception, match="there is no column 'highest_x gasliquid'"):
+        pick_column(columns, units, "highest_x gasliquid")
 
 
 def noise_case(run, times, values, **changes):
@@ -678,6 +679,19 @@ def test_gauges_in_memory_count_before_files(run):
         gauges.record(make_particles(0.0))
         assert one(case, run, gauges=gauges)["value"] == pytest.approx(0.5 * 27)
     assert one(case, run)["value"] == pytest.approx(2.0)
+
+
+def test_rows_before_a_restart_are_missed(run):
+    """What a number takes from the whole run or a window is no such number without their first rows."""
+    late = [f"{k / 10},{0.2 * k}\n" for k in range(4, 11)]
+    write_gauge(run, "energy", "time [s],kinetic [J/m]\n" + "".join(late))
+    entry = {"gauge": "energy", "column": "kinetic", "reduce": "mean", "value": 1}
+    for part in ({}, {"window": [0.3, 0.8]}, {"reduce": "change"}):
+        result = one(make_case({"mean": {**entry, **part}}), run)
+        assert result["error"] is None and "to 0.4 s: the run goes on from a checkpoint" in result["note"]
+    assert one(make_case({"mean": {**entry, "window": [0.4, 0.8]}}), run)["value"] == pytest.approx(1.2)
+    assert one(make_case({"mean": {**entry, "window": [0.31, 0.8]}}), run)["value"] == pytest.approx(1.2)
+    assert one(make_case({"end": {**entry, "reduce": "final"}}), run)["value"] == pytest.approx(2.0)
 
 
 def test_text_of_the_results(run):

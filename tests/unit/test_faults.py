@@ -467,7 +467,7 @@ def test_folder_in_use(tmp_path):
     second = Simulation(case_of(PERIODIC, end_time=0.3), output=tmp_path / "run", restart=tmp_path / "run", threads=1)
     before = (tmp_path / "run" / "gauges" / "energy.csv").read_bytes()
     with pytest.raises(OutputError, match="another run is writing"):
-        Simulation(case_of(PERIODIC), output=tmp_path / "run", restart=tmp_path / "run", threads=1)
+        Simulation(case_of(PERIODIC, end_time=0.3), output=tmp_path / "run", restart=tmp_path / "run", threads=1)
     assert (tmp_path / "run" / "gauges" / "energy.csv").read_bytes() == before
     second.run()
     assert names and last_step(tmp_path / "run") > 60

@@ -7,6 +7,8 @@ import os
 import numpy as np
 import pytest
 
+from tests.scenes import FULL, case_of
+from warpsph import Simulation
 from warpsph.case import Case
 from warpsph.errors import CaseError, OutputError, WarpsphError
 from warpsph.gauges import GaugeSet, PhaseEos, isolated, outline, parse_heading, read_gauge, wall_bodies
@@ -133,6 +135,114 @@ def test_energy_takes_the_sound_speeds_of_the_case():
     row = measure(case, make_snapshot([[0, 0]], density=np.array([2.2])))
     assert row["elastic"] == pytest.approx(float(PhaseEos(2.0, 10.0, 1.4).elastic_energy(np.array(2.2))))
     assert row["total"] == row["elastic"] > 0
+
+
+# -- surface energy ----------------------------------------------------------------------------------------
+
+SIGMA = 0.3
+TENSION = [{"between": ["liquid", "gas"], "coefficient": SIGMA}]
+ENERGY = {"energy": {"type": "energy", "interval": 0.1}}
+
+
+def stirred(spacing, dimension=2, noise=0.3):
+    """Places of a disordered lattice in the box from -1 to 1."""
+    axes = [np.arange(-1 + spacing / 2, 1, spacing)] * dimension
+    x = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, dimension)
+    return x + np.random.default_rng(1).uniform(-noise, noise, x.shape) * spacing
+
+
+@pytest.mark.parametrize(
+    ("dimension", "spacing", "exact", "error"),
+    [(2, 0.05, math.pi, 0.015), (2, 0.02, math.pi, 0.01), (3, 0.1, math.pi, 0.05), (3, 0.05, math.pi, 0.015)],
+)
+@pytest.mark.parametrize("noise", [0.0, 0.3])
+def test_surface_energy_of_a_round_drop(dimension, spacing, exact, error, noise):
+    """sigma 2 pi R, in 3-D sigma 4 pi R^2, beside gas and walls; a wall particle is no phase."""
+    sides = dict.fromkeys("xyz"[:dimension], "wall")
+    domain = {"lower": [-1.0] * dimension, "upper": [1.0] * dimension, "boundary": sides}
+    case = make_case(ENERGY, dimension, surface_tension=TENSION, particle_spacing=spacing, domain=domain)
+    x = stirred(spacing, dimension, noise)
+    x = np.concatenate([x, np.full((1, dimension), 1 + spacing / 2)])
+    phase = (np.linalg.norm(x, axis=1) > 0.5).astype(np.int32)
+    phase[-1] = -1
+    kind = np.where(phase < 0, WALL, FLUID).astype(np.uint8)
+    row = measure(case, make_snapshot(x, spacing=spacing, phase=phase, kind=kind))
+    assert row["surface"] == pytest.approx(SIGMA * exact, rel=error)
+    assert row["total"] == row["surface"]
+    assert row["total gas"] == row["total liquid"] == 0.0
+
+
+def test_surface_energy_of_three_phases():
+    """Two halves of a disc and what is around them: each pair has its own interface and its own tension."""
+    phases = {"a": {"density": 1}, "b": {"density": 1}, "c": {"density": 1}}
+    halves = {name: {"where": {"condition": f"x**2 + y**2 < 0.36 and x {sign} 0"}} for name, sign in ("a<", "b>")}
+    fluids = [{"phase": name, "shape": shape} for name, shape in {**halves, "c": "rest"}.items()]
+    tensions = {("a", "b"): 1.0, ("c", "a"): 2.0, ("b", "c"): 4.0}
+    spacing = 0.02
+    x = stirred(spacing)
+    phase = np.where(np.hypot(*x.T) > 0.6, 2, np.where(x[:, 0] < 0, 0, 1)).astype(np.int32)
+    particles = make_snapshot(x, spacing=spacing, phase=phase)
+    exact = {("a", "b"): 1.2, ("c", "a"): math.pi * 0.6, ("b", "c"): math.pi * 0.6}
+    pairs = [{"between": list(pair), "coefficient": value} for pair, value in tensions.items()]
+    for chosen in (pairs, *([pair] for pair in pairs)):
+        case = make_case(ENERGY, phases=phases, fluids=fluids, surface_tension=chosen, particle_spacing=spacing)
+        expected = sum(pair["coefficient"] * exact[tuple(pair["between"])] for pair in chosen)
+        assert measure(case, particles)["surface"] == pytest.approx(expected, rel=0.03)
+
+
+@pytest.mark.parametrize("x_sides", ["wall", "periodic"])
+@pytest.mark.parametrize("y_sides", ["wall", "periodic"])
+def test_surface_energy_of_a_layer_from_wall_to_wall(x_sides, y_sides):
+    """The interface goes on straight to the wall, and across a periodic side there is one more, or none."""
+    spacing = 0.05
+    domain = {"lower": [-1, -1], "upper": [1, 1], "boundary": {"x": x_sides, "y": y_sides}}
+    case = make_case(ENERGY, surface_tension=TENSION, domain=domain)
+    x = lattice(spacing)
+    row = measure(case, make_snapshot(x, spacing=spacing, phase=(x[:, 1] > 0.25).astype(np.int32)))
+    lines = 2 if y_sides == "periodic" else 1
+    assert row["surface"] == pytest.approx(SIGMA * 2.0 * lines, rel=1e-6)
+
+
+def test_a_free_surface_has_no_surface_energy():
+    """A liquid alone in a part of the domain; and an interface ends where it meets empty space."""
+    spacing = 0.05
+    case = make_case(ENERGY, surface_tension=TENSION)
+    x = lattice(spacing)
+    x = x[x[:, 0] < 0.3]
+    liquid = make_snapshot(x, spacing=spacing, phase=np.ones(len(x), np.int32))
+    assert measure(case, liquid)["surface"] == 0.0
+    both = make_snapshot(x, spacing=spacing, phase=(x[:, 1] > 0).astype(np.int32))
+    assert measure(case, both)["surface"] == pytest.approx(SIGMA * 1.3, rel=0.02)
+
+
+def test_surface_energy_only_with_surface_tension():
+    for tension in ([], [{"between": ["gas", "liquid"], "coefficient": 0}]):
+        case = make_case(ENERGY, surface_tension=tension)
+        assert "surface" not in measure(case, make_snapshot([[0, 0]]))
+    lost = make_snapshot([[0, 0], [math.nan, 0]])
+    assert math.isnan(measure(make_case(ENERGY, surface_tension=TENSION), lost)["surface"])
+
+
+def test_total_energy_of_an_oscillating_drop_is_steadier_than_its_parts():
+    """What the drop's surface gives away while it rounds becomes motion; friction takes a little of it."""
+    case = case_of(
+        FULL,
+        particle_spacing=1 / 24,
+        gravity=[0, 0],
+        end_time=1.2,
+        gauges={"energy": {"type": "energy", "interval": 0.02}},
+        output={"particles": "none", "checkpoint": "none"},
+        fluids=[
+            {"phase": "liquid", "shape": {"where": {"condition": "((x - 0.5)/0.34)**2 + ((y - 0.5)/0.24)**2 < 1"}}},
+            {"phase": "gas", "shape": "rest"},
+        ],
+        phases={"gas": {"density": 1.0, "viscosity": 0.001}, "liquid": {"density": 1.0, "viscosity": 0.001}},
+    )
+    energy = Simulation(case, threads=1).run().gauge("energy")
+    swing = {name: np.ptp(energy[name]) for name in ("kinetic", "surface", "total")}
+    assert energy["surface"][0] == pytest.approx(0.5 * 2 * math.pi * 0.2925, rel=0.02)
+    assert swing["kinetic"] > 0.01
+    assert swing["total"] < 0.5 * swing["kinetic"] and swing["total"] < 0.5 * swing["surface"], swing
 
 
 # -- momentum ----------------------------------------------------------------------------------------------

@@ -452,6 +452,65 @@ def test_hydrostatic_two_layers(noise):
     assert g.pressure[water] == pytest.approx(9.81 * (0.4 + 1000 * (0.6 - y[water])), rel=1e-12)
 
 
+AIR_AND_WATER = {"air": {"density": 1.2, "gamma": 1.4}, "water": {"density": 1000}}
+TANK = {"x": "wall", "y": {"lower": "wall", "upper": "open"}}
+COLUMN = [{"phase": "water", "shape": box((0, 0), (0.3, 0.5))}, {"phase": "air", "shape": "rest"}]
+
+
+@pytest.mark.parametrize(
+    ("boundary", "fluids", "keys"),
+    [
+        (TANK, COLUMN, ["domain.boundary.y.upper"]),
+        ({"x": "open", "y": TANK["y"]}, COLUMN, ["domain.boundary.x", "domain.boundary.y.upper"]),
+        ({}, COLUMN, ["domain.boundary.x", "domain.boundary.y"]),
+        # the reach is three cells, two of them of water
+        (TANK, [{"phase": "air", "shape": box((0, 0), (1, 0.8))}, {"phase": "water", "shape": "rest"}],
+         ["domain.boundary.y.upper"]),
+        ({"x": "wall", "y": "wall"}, [COLUMN[0], {"phase": "air", "shape": box((0.3, 0), (1, 0.5))}], ["fluids"]),
+        ({"x": "periodic", "y": "wall"}, [COLUMN[0], {"phase": "air", "shape": box((0.8, 0), (1, 1))}], ["fluids"]),
+    ],
+)  # fmt: skip
+def test_a_gas_at_an_open_side_or_at_empty_space_is_refused(boundary, fluids, keys):
+    """Nothing holds its pressure there."""
+    case = make(domain=domain(boundary), phases=AIR_AND_WATER, fluids=fluids)
+    with pytest.raises(CaseError) as caught:
+        build(case, 0.3)
+    assert sorted(problem.path for problem in caught.value.problems) == keys
+    for problem in caught.value.problems:
+        assert "the gas air (1.2 kg/m^3 beside 1000) meets" in problem.rule and "nothing holds its pressure" in problem.rule
+        assert "leave the gas out" in problem.remedy and (problem.path == "fluids" or problem.value == "open")
+
+
+@pytest.mark.parametrize(
+    ("boundary", "fluids", "changes"),
+    [
+        ({"x": "wall", "y": "wall"}, COLUMN, {}),
+        ({"x": "periodic", "y": "wall"}, COLUMN, {}),
+        # a bubble inside of a liquid with a free surface or an open side
+        (TANK, [{"phase": "air", "shape": box((0, 0), (1, 0.7))}, {"phase": "water", "shape": "rest"}], {}),
+        (TANK, [{"phase": "air", "shape": box((0, 0), (0.5, 0.4))}, {"phase": "water", "shape": box((0, 0.4), (1, 0.8))},
+                {"phase": "water", "shape": box((0.5, 0), (1, 0.4))}], {}),
+        # oil on water is no gas, and a gas alone has nothing to be light beside
+        (TANK, COLUMN, {"phases": {"air": {"density": 800}, "water": {"density": 1000}}}),
+        (TANK, [{"phase": "air", "shape": box((0, 0), (1, 0.5))}], {"phases": {"air": {"density": 1.2}}}),
+        # a lid of an obstacle holds it, however thin
+        (TANK, [{"phase": "air", "shape": box((0, 0), (0.5, 0.8))}, {"phase": "water", "shape": box((0.5, 0), (1, 0.8))}],
+         {"obstacles": [{"shape": box((0, 0.8), (1, 0.9))}]}),
+    ],
+)  # fmt: skip
+def test_a_gas_that_something_holds_is_fine(boundary, fluids, changes):
+    build(make(**{"domain": domain(boundary), "phases": AIR_AND_WATER, "fluids": fluids, **changes}), 0.3)
+
+
+def test_a_gas_at_an_open_side_in_three_dimensions():
+    sides = {"x": "periodic", "y": "wall", "z": {"lower": "wall", "upper": "open"}}
+    space = {"dimension": 3, "domain": domain(sides, (0, 0, 0), (1, 1, 1)), "phases": AIR_AND_WATER}
+    water = {"phase": "water", "shape": box((0, 0, 0), (1, 1, 0.5))}
+    assert [path for path, _ in problems_of(make(**space, fluids=[water, {"phase": "air", "shape": "rest"}]))] == [
+        "domain.boundary.z.upper"
+    ]
+
+
 def test_hydrostatic_free_surface_counts_from_each_columns_top():
     fluids = [{"phase": "water", "shape": {"where": {"condition": "y < 0.3 + 0.4*x"}}}]
     g = build(make(gravity=[0, -10], start={"pressure": "hydrostatic"}, fluids=fluids), 0.3)

@@ -102,8 +102,9 @@ def test_formulation_follows_from_the_scene():
     closed = physics_of(droplet())
     assert closed.spec.corrected and closed.spec.volume_constraint and closed.spec.shifting
     assert closed.spec.viscosity == "radial" and not closed.spec.free_surface
-    # the same box half empty has a free surface
-    half = droplet(**{"fluids.1.shape": {"box": {"lower": [-1, -1], "upper": [1, -0.5]}}})
+    # the same box with a layer of it empty has a free surface
+    around = "where(abs(x) > abs(y), abs(x), abs(y)) > 0.5 and y < 0.8"
+    half = droplet(**{"fluids.1.shape": {"where": {"condition": around}}})
     assert not physics_of(half).spec.corrected and physics_of(half).spec.free_surface
     paper = physics_of(droplet(**{"numerics.formulation": "paper"}))
     assert not paper.spec.corrected and paper.spec.tension == "body_force" and paper.spec.paper_star

@@ -146,6 +146,24 @@ def test_into_a_new_folder(drop, tmp_path):
     assert_same_state(checkpoints(drop)[-1], checkpoints(tmp_path / "new")[-1])
 
 
+def test_into_a_new_folder_between_two_rows_of_a_gauge(drop, tmp_path):
+    """What a gauge was due to measure before the checkpoint is past; the device measures nothing for it then."""
+    at = {"gauge": "interface", "column": "interface_length", "value": 2.0}
+    references = {"end": {**at, "reduce": "final"}, "all": {**at, "reduce": "mean"}}
+    case = case_of(FULL, gauges__interface__interval=0.06, gauges__load__interval=0.07, reference=references)
+    first = checkpoints(drop)[0]
+    for folder in (tmp_path / "new", None):
+        simulation = Simulation(case, output=folder, restart=first, threads=1).run()
+        assert simulation.summary["status"] == "finished"
+        assert simulation.gauge("interface")["time"] == pytest.approx([0.06, 0.12, 0.18, 0.24, 0.3, 0.36])
+        assert simulation.gauge("load")["time"] == pytest.approx([0.07, 0.14, 0.21, 0.28, 0.35])
+        assert simulation.gauge("jump")["time"][0] == pytest.approx(0.06)
+        errors = simulation.summary["errors"]
+        assert errors["end"]["error"] is not None
+        assert errors["all"]["error"] is None and "goes on from a checkpoint" in errors["all"]["note"]
+    assert len(list((tmp_path / "new" / "particles").glob("fluid_*.vtp"))) == 4
+
+
 def test_never_cuts_a_folder_of_another_run(drop, tmp_path):
     other = tmp_path / "other"
     Simulation(case_of(FULL, end_time=0.1), output=other, threads=1).run()
@@ -159,11 +177,12 @@ def test_nothing_is_cut_if_the_restart_fails(drop, tmp_path):
     """A gauge whose columns changed is refused before frames and checkpoints of the future are dropped."""
     run = tmp_path / "run"
     shutil.copytree(drop, run)
-    changed = case_of(FULL, gauges__jump={"type": "energy", "interval": 0.02})
+    changed = case_of(FULL, gauges__shape={"type": "energy", "interval": 0.02})
     with pytest.raises(OutputError, match="columns"):
         Simulation(changed, output=run, restart=checkpoints(run)[0], threads=1)
     assert [path.name for path in checkpoints(run)] == [path.name for path in checkpoints(drop)]
-    assert_same_files(drop, run, ("particles",))
+    assert_same_files(drop, run)
+    assert (run / "case.yaml").read_bytes() == (drop / "case.yaml").read_bytes()
     # the folder is free again
     Simulation(case_of(FULL), output=run, restart=checkpoints(run)[0], threads=1).close()
 
@@ -176,17 +195,32 @@ def test_in_memory_alone(drop):
     assert simulation.run().summary["status"] == "finished"
 
 
-def test_of_a_finished_run_changes_nothing(drop, tmp_path):
+@pytest.mark.parametrize("end", [0.4, 0.25, 0.01])
+def test_of_a_finished_run_changes_nothing(drop, tmp_path, end):
+    """Nothing is left to do: it is refused, and nobody touches the folder."""
+    before = {path: path.stat().st_mtime_ns for path in [drop, *drop.rglob("*")]}
+    for output in (drop, tmp_path / "new"):
+        with pytest.raises(CaseError, match="nothing left to compute.*later end_time") as caught:
+            Simulation(case_of(FULL, end_time=end), output=output, restart=drop, threads=1)
+        assert caught.value.problems[0].path == "end_time"
+    assert {path: path.stat().st_mtime_ns for path in [drop, *drop.rglob("*")]} == before
+    assert not (tmp_path / "new").exists()
+
+
+def test_of_a_run_that_was_killed_before_its_summary(drop, tmp_path):
+    """The last checkpoint is there, the comparison is not: it is made up for."""
     run = tmp_path / "run"
     shutil.copytree(drop, run)
+    (run / "summary.json").unlink()
     Simulation(case_of(FULL), output=run, restart=run, threads=1).run()
     assert_same_files(drop, run)
     assert_same_state(checkpoints(drop)[-1], checkpoints(run)[-1])
+    assert json.loads((run / "summary.json").read_text())["status"] == "finished"
 
 
 @pytest.mark.parametrize("shorter", [0.25, 0.01], ids=["behind the end", "before the checkpoint"])
 def test_end_time_before_the_checkpoint(drop, tmp_path, shorter):
-    """Nothing is left to do; the run ends at once."""
+    """In memory alone: nothing is left to do; the run ends at once."""
     simulation = Simulation(case_of(FULL, end_time=shorter), restart=drop, threads=1).run()
     assert simulation.model.time == pytest.approx(0.4)
 
@@ -220,7 +254,7 @@ def test_changed_numbers_are_fine(drop):
         ("particle_spacing", 1 / 20),
         ("precision", "float64"),
         ("domain.upper", [2, 2]),
-        ("domain.boundary", {"x": "wall", "y": "open"}),
+        ("domain.boundary", {"x": "wall", "y": "free_slip"}),
         ("fluids.0.shape", {"box": {"lower": [0.25, 0.25], "upper": [0.75, 0.6875]}}),
     ],
 )

@@ -1,6 +1,7 @@
 """The Python interface: load a case, change values, run, look at gauges and state; what a folder tells."""
 
 import json
+import shutil
 import threading
 
 import numpy as np
@@ -10,6 +11,7 @@ import warpsph
 from tests.scenes import FULL, PERIODIC, case_of
 from warpsph import Simulation, load_case, output, simulation
 from warpsph.case_file import save_case
+from warpsph.comparison import compared
 from warpsph.errors import CaseError, WarpsphError
 from warpsph.gauges import read_gauge
 from warpsph.kernels import clock as ck
@@ -40,6 +42,69 @@ def done(tmp_path_factory):
         }
     )
     return Simulation(case, output=folder, threads=1).run()
+
+
+def test_a_run_folder_can_be_moved(tmp_path, monkeypatch):
+    """It has its own copies of the reference files: it goes on, is drawn and run again where nothing else is left."""
+    home = tmp_path / "home"
+    for name, value in (("one", 0.25), ("other", 0.2)):
+        (home / name).mkdir(parents=True)
+        (home / name / "decay.csv").write_text(f"t_s,KE\n0,{value}\n1,{value}\n")
+    entry = {"gauge": "energy", "column": "kinetic"}
+    references = {
+        "relative": {**entry, "curve": {"file": "one/decay.csv", "time": "t_s", "value": "KE"}},
+        "absolute": {**entry, "curve": {"file": str(home / "other" / "decay.csv"), "time": "t_s", "value": "KE"}},
+    }
+    save_case(case_of(PERIODIC, reference=references, end_time=0.02), home / "case.yaml")
+    first = Simulation(load_case(home / "case.yaml"), output=tmp_path / "run", threads=1).run().summary["errors"]
+    moved = tmp_path / "elsewhere" / "moved"
+    moved.parent.mkdir()
+    (tmp_path / "run").rename(moved)
+    shutil.rmtree(home)
+    monkeypatch.chdir(moved.parent)
+
+    case = load_case("moved/case.yaml")
+    assert str(tmp_path) not in (moved / "case.yaml").read_text()
+    assert sorted(path.name for path in (moved / "reference").iterdir()) == ["decay.csv", "decay_2.csv"]
+    again = warpsph.run(case, output="again", threads=1).summary["errors"]
+    assert {name: found["error"] for name, found in again.items()} == {name: found["error"] for name, found in first.items()}
+    longer = warpsph.run(case.replace({"end_time": 0.04}), output="moved", restart="moved", threads=1).summary["errors"]
+    assert longer["relative"]["reference"] == 0.25 and longer["absolute"]["reference"] == 0.2
+    assert [found.quantity for found in compared(load_case("moved/case.yaml"), moved)] == ["relative", "absolute"]
+
+
+@pytest.mark.parametrize("kind", ["Case", "Path", "str", "dict"])
+def test_a_case_may_be_a_file_or_plain_data(tmp_path, monkeypatch, kind):
+    """Reference files of plain data are looked up in the current folder."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "decay.csv").write_text("t_s,KE\n0,0.25\n1,0.25\n")
+    curve = {"file": "decay.csv", "time": "t_s", "value": "KE"}
+    references = {"decay": {"gauge": "energy", "column": "kinetic", "curve": curve}}
+    data = {**PERIODIC, "end_time": 0.02, "reference": references}
+    save_case(warpsph.Case.from_dict(data), "case.yaml")
+    case = {"Case": load_case("case.yaml"), "Path": tmp_path / "case.yaml", "str": "case.yaml", "dict": data}[kind]
+    before = repr(data)
+    result = warpsph.run(case, threads=1)
+    assert result.summary["errors"]["decay"]["error"] is not None and result.case.end_time == 0.02
+    assert simulation.estimate(case)["particles"] == 400
+    assert simulation.describe(case)["resolved"]["dimension"] == 2
+    assert repr(data) == before
+
+
+def test_load_case_takes_plain_data_with_overrides():
+    case = load_case(PERIODIC, ["end_time=0.5", "phases.water.density=2"])
+    assert case.end_time == 0.5 and case.phases["water"].density == 2
+    assert PERIODIC["end_time"] == 0.2 and PERIODIC["phases"]["water"]["density"] == 1.0
+
+
+@pytest.mark.parametrize("case", [None, 3, [PERIODIC]])
+def test_what_is_no_case_is_refused(case):
+    with pytest.raises(CaseError, match="needs a Case, the name of a case file or a mapping"):
+        warpsph.run(case)
+    with pytest.raises(CaseError, match="there is no such file"):
+        warpsph.run("nowhere.yaml")
+    with pytest.raises(CaseError, match="end_time: -1"):
+        warpsph.run({**PERIODIC, "end_time": -1})
 
 
 def test_load_replace_run(tmp_path, monkeypatch):
