@@ -815,6 +815,17 @@ class PointsGauge(_Gauge):
         description="the points, m", examples=["[[0, 0]]"]
     )
     fields: _SampledFields = Field(description="fields to interpolate", examples=["[pressure]"])
+    area: PositiveNumber | None = Field(
+        default=None,
+        description="face of a sensor around each point, in the plane of the wall: a disc, m^2; in 2-D its length along the "
+        "wall, m. Each field is the mean over it, what is dry counting as no pressure (default: the fields at the points)",
+        examples=["4.2e-3"],
+    )
+    normal: Vector | None = Field(
+        default=None,
+        description="direction at right angles to the faces, of any length (default: that of the nearest wall)",
+        examples=["[1, 0]"],
+    )
 
 
 class LineGauge(_Gauge):

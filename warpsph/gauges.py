@@ -36,6 +36,7 @@ import numpy as np
 from warpsph.contour import contour, shares_of_phases
 from warpsph.errors import CaseError, OutputError, Problem, WarpsphError
 from warpsph.output import Schedule, whole_file, write_failure
+from warpsph.sensors import face_spots, wall_normal
 from warpsph.snapshot import Snapshot
 
 AXES = ("x", "y", "z")
@@ -616,7 +617,15 @@ VECTOR_FIELDS = ("velocity", "acceleration", "normal")
 class PointsGauge(Gauge):
     """Fields at given points: one row for each point and time, with the point's position.
 
-    The values come interpolated in `snapshot.samples[name][field]`, (points,) or (points, dimension).
+    With an `area` each point is the middle of a sensor's face, and its row holds the means over the face (`sensors`). Of a
+    face that is partly dry the pressure is that of the force on it: a dry part adds nothing to the mean and counts in full.
+    Other fields are means over the wet part. A face without fluid has nan, like a point without.
+
+    Next to a wall the fluid alone is looked at, on its one side: the value is that of the quadratic through the fluid within
+    the support radius, carried on to the wall (`probes`); the pressures of wall particles take no part.
+
+    The values come interpolated in `snapshot.samples[name][field]`, (samples,) or (samples, dimension); `samples_at` holds
+    their places, those of the first point first.
     """
 
     needs: ClassVar[str] = "samples"
@@ -625,6 +634,18 @@ class PointsGauge(Gauge):
         super().__init__(name, spec, case)
         self.fields: list[str] = list(spec.fields)
         self.points = self._points()
+        self.samples_at = self._samples_at(case)
+
+    def _samples_at(self, case: Any) -> np.ndarray:
+        """Where the fields are interpolated, (samples, dimension) [m]."""
+        area = getattr(self.spec, "area", None)
+        if area is None:
+            return self.points
+        faces = []
+        for point in self.points:
+            normal = wall_normal(case, point) if self.spec.normal is None else self.spec.normal
+            faces.append(point + face_spots(area, normal, case.particle_spacing))
+        return np.concatenate(faces)
 
     def _points(self) -> np.ndarray:
         return np.asarray(self.spec.points, np.float64).reshape(-1, self.dimension)
@@ -647,12 +668,22 @@ class PointsGauge(Gauge):
             if name not in samples:
                 raise WarpsphError(f"gauges.{self.name}: this scene does not sample {name!r}")
             width = self.dimension if name in VECTOR_FIELDS else 1
-            parts.append(np.asarray(samples[name], np.float64).reshape(len(self.points), width))
+            values = np.asarray(samples[name], np.float64).reshape(len(self.points), -1, width)
+            parts.append(_mean_over_faces(values, dry_is_zero=name == "pressure"))
         return np.hstack(parts)
 
     def row(self, snapshot: Snapshot) -> list[float]:
         """The row of the first point."""
         return list(self.rows(snapshot)[0])
+
+
+def _mean_over_faces(values: np.ndarray, dry_is_zero: bool) -> np.ndarray:
+    """Means (points, width) of samples (points, samples of each, width); nan, where it is dry, is 0 or left out."""
+    wet = np.isfinite(values)
+    count = wet.sum(axis=1)
+    divisor = np.full_like(count, values.shape[1]) if dry_is_zero else count
+    total = np.where(wet, values, 0.0).sum(axis=1)
+    return np.divide(total, divisor, out=np.full(count.shape, np.nan), where=count > 0)
 
 
 class LineGauge(PointsGauge):
@@ -846,8 +877,8 @@ class GaugeSet:
 
     @property
     def sample_points(self) -> dict[str, np.ndarray]:
-        """Points (n, dimension) [m] of the gauges that want interpolated fields, by gauge name."""
-        return {name: gauge.points for name, gauge in self._samplers().items()}
+        """Places (n, dimension) [m] at which gauges want interpolated fields, by gauge name."""
+        return {name: gauge.samples_at for name, gauge in self._samplers().items()}
 
     @property
     def sample_fields(self) -> dict[str, list[str]]:
