@@ -986,15 +986,20 @@ class ReferenceCurve(_Reference):
     norm: _Norm = Field(default="max", description="how the deviations become one number", examples=["max"])
     reduce: Annotated[
         Literal[
-            "mean", "max", "min", "final", "rms", "period", "peak", "peak_time", "trough", "trough_time"
+            "mean", "max", "min", "final", "rms", "period", "peak", "peak_time", "trough", "trough_time", "noise"
         ],
         ChoiceRule(),
     ] | None = Field(
         default=None,
         description="instead of norm: column and curve each become one number in this way, over the same times, and these "
-        "are compared (peak, trough and their times: of the cubic through the rows of the window)",
+        "are compared (peak, trough and their times: of the cubic through the rows of the window; noise: as of a value)",
         examples=["mean"],
     )  # fmt: skip
+    span: PositiveNumber | None = Field(
+        default=None,
+        description="noise: the time over which column and curve are all but parabolas, s; what rings faster is noise",
+        examples=["2"],
+    )
     relative_to: _RelativeTo = Field(
         default="peak",
         description="what the error is divided by; absolute: by nothing, in the unit of the column. With reduce: by the "

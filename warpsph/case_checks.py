@@ -859,13 +859,13 @@ def _check_reference(case: Any, folder: Path | None, raw: Any, name: Any, refere
 
 def _check_reduce(path: str, reference: Any) -> _Problems:
     """What belongs to one way of reducing is given with that one alone."""
-    if isinstance(reference, ReferenceValue):
+    if isinstance(reference, ReferenceValue | ReferenceCurve):
         if reference.reduce == "noise" and reference.span is None:
             rule = "noise needs a span: the time over which the column is all but a parabola"
             yield Problem(f"{path}.span", MISSING, rule, "write e.g. span: 2")
         if reference.reduce != "noise" and reference.span is not None:
             yield Problem(f"{path}.span", reference.span, "belongs to reduce: noise", "delete it")
-    elif isinstance(reference, ReferenceCurve) and reference.reduce is not None:
+    if isinstance(reference, ReferenceCurve) and reference.reduce is not None:
         if reference.norm != "max":
             yield Problem(f"{path}.norm", reference.norm, "with reduce there is no norm", "delete one of both")
         if reference.relative_to not in ("peak", "absolute"):
