@@ -818,7 +818,7 @@ class PointsGauge(_Gauge):
     area: PositiveNumber | None = Field(
         default=None,
         description="face of a sensor around each point, in the plane of the wall: a disc, m^2; in 2-D its length along the "
-        "wall, m. Each field is the mean over it, what is dry counting as no pressure (default: the fields at the points)",
+        "wall, m. Each field is the mean over it, by linear fits; what is dry has no pressure (default: values at points)",
         examples=["4.2e-3"],
     )
     normal: Vector | None = Field(

@@ -345,7 +345,8 @@ def noise(times: np.ndarray, values: np.ndarray, span: float) -> float:
         raise _NotComparable("not a finite number in the window")
     half = 0.5 * span * (1 + 1e-9)
     first, last = np.searchsorted(times, times - half), np.searchsorted(times, times + half, side="right")
-    whole = (times - times[0] >= half * (1 - 1e-8)) & (times[-1] - times >= half * (1 - 1e-8)) & (last - first >= _POINTS_A_SPAN)
+    whole = (times - times[0] >= half * (1 - 1e-8)) & (times[-1] - times >= half * (1 - 1e-8))
+    whole &= last - first >= _POINTS_A_SPAN
     if not whole.any():
         raise _NotComparable(f"noise needs eight rows within {span:g} s, and a window longer than that")
     left = []

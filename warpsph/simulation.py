@@ -395,10 +395,10 @@ class Simulation:
 
     def _write_gauges(self, snapshot: Snapshot) -> None:
         box, support = self._box(), self.physics.support
-        points, fields = self._gauges.sample_points, self._gauges.sample_fields
+        points, fields, degrees = self._gauges.sample_points, self._gauges.sample_fields, self._gauges.sample_degrees
         for name in self._gauges.due(snapshot.time):
             if name in points:
-                snapshot.samples[name] = sample(snapshot, points[name], fields[name], support, box)
+                snapshot.samples[name] = sample(snapshot, points[name], fields[name], support, box, degrees[name])
         self._gauges.record(snapshot)
 
     def _box(self) -> list[float]:

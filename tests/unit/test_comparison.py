@@ -391,7 +391,7 @@ def test_periods_and_peaks_of_a_curve(run):
 
 
 def test_noise_of_a_curve_and_of_the_column(run):
-    """From row to row the run jumps by 0.1 to either side of a parabola, the curve by 0.05 (a factor of 2 is in the case)."""
+    """From row to row the run jumps by 0.1 to either side of a parabola, the curve by 0.05 (the case has a factor of 2)."""
     t = np.linspace(0, 1, 101)
     jumps = (-1.0) ** np.arange(101)
     rows = "".join(f"{a},{b}\n" for a, b in zip(t, 1 + t * t + 0.1 * jumps, strict=True))

@@ -50,7 +50,8 @@ def read(case, snapshot) -> dict[str, np.ndarray]:
     spacing = snapshot.particle_spacing
     with GaugeSet(case) as gauges:
         places, fields = gauges.sample_points["sensor"], gauges.sample_fields["sensor"]
-        snapshot.samples["sensor"] = sample(snapshot, places, fields, 3 * spacing, [0.0] * case.dimension)
+        degree, box = gauges.sample_degrees["sensor"], [0.0] * case.dimension
+        snapshot.samples["sensor"] = sample(snapshot, places, fields, 3 * spacing, box, degree)
         gauges.record(snapshot)
         return gauges.series("sensor")
 
@@ -65,12 +66,34 @@ def test_a_constant_and_a_linear_pressure_are_exact(area):
     assert linear["y"].tolist() == [0.4, 0.6]
 
 
+def exact_mean(case, pressure) -> float:
+    """What the gauge makes of a pressure, a function of places (n, dimension), that is known exactly at its places."""
+    snapshot = fluid(case.dimension, lambda x: x[:, 0], spacing=0.2)
+    with GaugeSet(case) as gauges:
+        snapshot.samples["sensor"] = {"pressure": pressure(gauges.sample_points["sensor"])}
+        gauges.record(snapshot)
+        (value,) = gauges.series("sensor")["pressure"]
+    return float(value)
+
+
 def test_a_curved_pressure_gives_its_mean_and_not_the_value_in_the_middle():
     """Mean of y^2 over a length L about y0: y0^2 + L^2/12."""
-    squared = fluid(2, lambda x: x[:, 1] ** 2)
-    mean = read(make_case(points=[[1.0, 0.5]], area=0.6), squared)["pressure"][0]
-    assert mean == pytest.approx(0.25 + 0.03, rel=1e-3)
-    assert read(make_case(points=[[1.0, 0.5]]), squared)["pressure"][0] == pytest.approx(0.25, rel=1e-6)
+    face, point = make_case(points=[[1.0, 0.5]], area=0.6), make_case(points=[[1.0, 0.5]])
+    assert exact_mean(face, lambda x: x[:, 1] ** 2) == pytest.approx(0.25 + 0.03, rel=1e-3)
+    assert exact_mean(point, lambda x: x[:, 1] ** 2) == pytest.approx(0.25)
+    assert read(point, fluid(2, lambda x: x[:, 1] ** 2))["pressure"] == pytest.approx([0.25], rel=1e-6)
+
+
+def test_a_face_has_less_noise_than_a_point_at_the_wall():
+    """Standard deviation over 200 random pressures; the face is so small that its area takes nothing from the noise."""
+    place = [[1.0, 0.5]]
+    found: dict[float, list[float]] = {1e-4: [], 0.0: []}
+    cases = {1e-4: make_case(points=place, area=1e-4), 0.0: make_case(points=place)}
+    for seed in range(200):
+        pressure = np.random.default_rng(seed).normal(size=400)
+        for area, case in cases.items():
+            found[area].append(read(case, fluid(2, lambda x: pressure))["pressure"][0])  # noqa: B023
+    assert np.std(found[1e-4]) < 0.7 * np.std(found[0.0])
 
 
 def test_the_face_of_a_3d_sensor_is_a_disc_in_the_wall():
@@ -79,8 +102,8 @@ def test_the_face_of_a_3d_sensor_is_a_disc_in_the_wall():
     case = make_case(3, points=[[1.0, 0.5, 0.5]], area=math.pi * radius**2, spacing=spacing)
     linear = fluid(3, lambda x: 1.0 + x @ [1.0, 2.0, -4.0], spacing=spacing)
     assert read(case, linear)["pressure"] == pytest.approx([1.0], abs=1e-9)
-    squared = fluid(3, lambda x: (x[:, 1] - 0.5) ** 2 + 3 * (x[:, 2] - 0.5) ** 2 + 100 * (x[:, 0] - 1.0), spacing=spacing)
-    assert read(case, squared)["pressure"][0] == pytest.approx(radius**2, rel=0.05)
+    squared = exact_mean(case, lambda x: (x[:, 1] - 0.5) ** 2 + 3 * (x[:, 2] - 0.5) ** 2 + 100 * (x[:, 0] - 1.0))
+    assert squared == pytest.approx(radius**2, rel=0.05)
 
 
 @pytest.mark.parametrize(("dimension", "normal"), [(2, [1, 0]), (2, [3, 4]), (3, [0, 0, 2]), (3, [1, -2, 0.5])])
@@ -140,9 +163,8 @@ def test_what_a_case_may_not_say(gauge, expected):
 
 
 def test_a_given_normal_needs_no_wall_and_a_periodic_side_no_room():
-    assert read(make_case(points=[[0.5, 0.5]], area=0.2, normal=[0, 3]), fluid(2, lambda x: x[:, 0] ** 2))[
-        "pressure"
-    ][0] == pytest.approx(0.25 + 0.04 / 12, rel=0.05)
+    case = make_case(points=[[0.5, 0.5]], area=0.2, normal=[0, 3])
+    assert exact_mean(case, lambda x: x[:, 0] ** 2) == pytest.approx(0.25 + 0.04 / 12, rel=1e-3)
     make_case(points=[[0.98, 1.0]], area=0.2, boundary={"x": "periodic", "y": "wall"})
 
 
