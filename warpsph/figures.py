@@ -65,7 +65,9 @@ def draw_validation(folder: Path, case: Case, title: str, output: Path) -> Path:
     field = shown.field if shown is not None else "phase" if len(case.phases) > 1 else "speed"
     series, walls = plot.read_series(folder)
     times = shown.times if shown is not None and shown.times is not None else _four(series.frames)
-    frames = [plot.read_frame(series, walls, frame) for frame in plot.choose_frames(series.frames, times)]
+    # A run that ended early is shown as far as it came.
+    reached = np.clip(times, series.frames[0][0], series.frames[-1][0]).tolist()
+    frames = [plot.read_frame(series, walls, frame) for frame in plot.choose_frames(series.frames, reached)]
     view = plot.view_of(*_corners(frames, case), frames[0].fluid.particle_spacing, None)
     panels = _panels_of(compared(case, folder))
 

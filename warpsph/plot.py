@@ -32,6 +32,7 @@ WALL_COLOUR = "0.75"
 DISC = 2 / math.sqrt(math.pi)  # diameter / spacing of a disc as large as a particle's share of the plane
 _LONGEST_CURVE = 5000  # points; more than a picture can show
 _MOST_CURVES = 8  # in one panel
+_ROUNDED = 1e-3  # share of the last time by which a time that is asked for may lie beyond it
 
 
 def plot_run(
@@ -47,8 +48,8 @@ def plot_run(
     folder: run folder
     field: a scalar field of the particle files, a component of a vector (velocity_x), or the magnitude of a
         vector (velocity; speed is the same)
-    times: s; for each the nearest frame is drawn, of slice(T1, T2) every frame from T1 to T2 (default: the first,
-        the middle and the last frame)
+    times: s, within those of the run; for each the nearest frame is drawn, of slice(T1, T2) every frame from T1 to T2
+        (default: the first, the middle and the last frame)
     output: PNG of the particles (default: plots/<field>.png in the run folder); the gauges go beside it, to
         <output>_gauges.png (default: plots/gauges.png)
     slice_axis: "x", "y" or "z": in 3-D the axis that the slice through the middle is normal to (default: the
@@ -113,7 +114,7 @@ def choose_frames(
 ) -> list[tuple[float, str]]:
     """The frames nearest to `times` [s], each once and in order of time; of a slice(T1, T2) all from T1 to T2.
 
-    Raises CaseError if no frame is within the slice.
+    Raises CaseError if a time is before the first frame or after the last one, or no frame is within the slice.
     """
     stored = np.array([time for time, _ in frames])
     if times is None:
@@ -127,6 +128,13 @@ def choose_frames(
             remedy = f"the run has frames from {stored[0]:g} to {stored[-1]:g} s"
             raise CaseError([Problem("times", given, "no frame of the run is within", remedy)])
     else:
+        # A time may be rounded as the titles of pictures are.
+        slack = _ROUNDED * float(np.abs(stored).max())
+        beyond = [time for time in times if not stored[0] - slack <= time <= stored[-1] + slack]
+        if beyond:
+            given = ",".join(f"{time:g}" for time in beyond)
+            remedy = f"the run has frames from {stored[0]:g} to {stored[-1]:g} s"
+            raise CaseError([Problem("times", given, "no frame of the run is near", remedy)])
         chosen = {int(np.argmin(np.abs(stored - time))) for time in times}
     return [frames[index] for index in sorted(chosen)]
 
@@ -497,13 +505,27 @@ def _draw_gauges(paths: list[Path]) -> "Figure | None":
         return None
     figure, axes = _panels(len(panels), 0.6)
     for drawn, panel in zip(axes, panels, strict=True):
-        for label, (x, y) in panel.curves.items():
+        for (label, (x, y)), style in zip(panel.curves.items(), _line_styles(len(panel.curves)), strict=True):
             every = max(1, math.ceil(len(x) / _LONGEST_CURVE))
-            drawn.plot(x[::every], y[::every], label=label, linewidth=1.2, marker="." if len(x) < 3 else None)
+            drawn.plot(x[::every], y[::every], label=label, linewidth=1.2, marker="." if len(x) < 3 else None, **style)
         drawn.set(title=panel.title, xlabel=panel.x_label, ylabel=panel.y_label)
         drawn.grid(alpha=0.3)
-        drawn.legend(fontsize="small")
+        if len(panel.curves) <= _MOST_CURVES:
+            drawn.legend(fontsize="small")
+        else:  # a legend this long would hide the curves
+            drawn.legend(fontsize="x-small", loc="upper left", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.2)
     return figure
+
+
+def _line_styles(count: int) -> list[dict[str, Any]]:
+    """How the curves of a panel are drawn: no two in the same colour, of many neighbours in other dashes too."""
+    from matplotlib import colormaps
+
+    if count <= 10:
+        return [{"color": f"C{k}"} for k in range(count)]
+    colours = colormaps["turbo"](np.linspace(0.02, 0.98, count))
+    dashes = ("-", "--", ":", "-.")
+    return [{"color": tuple(colour), "linestyle": dashes[k % 4]} for k, colour in enumerate(colours)]
 
 
 def _gauge_panels(path: Path) -> list[_Panel]:

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from matplotlib.colors import to_rgba
 
 from warpsph import plot
 from warpsph.errors import CaseError
@@ -227,6 +228,42 @@ def test_a_slice_of_times_takes_every_frame_within(tmp_path, drawn):
     assert [axes.get_title() for axes in panels(drawn[2])] == ["t = 0 s", "t = 0.1 s"]
     with pytest.raises(CaseError, match="times: 0.4: -> no frame .* frames from 0 to 0.3 s"):
         plot.plot_run(run, times=slice(0.4, None))
+
+
+@pytest.mark.parametrize(("times", "told"), [([5.0], "5"), ([0.1, 0.4, -1.0], "0.4,-1"), ([0.302], "0.302")])
+def test_a_time_that_the_run_does_not_have_is_refused(tmp_path, times, told):
+    """The last frame is not drawn in its place, and nothing is written."""
+    run = make_run(tmp_path / "run", times=[0.0, 0.1, 0.3])
+    with pytest.raises(CaseError, match=f"times: {told} -> no frame of .*; the run has frames from 0 to 0.3 s") as caught:
+        plot.plot_run(run, times=times)
+    assert caught.value.exit_code == 2
+    assert not (run / "plots").exists()
+
+
+def test_times_between_frames_and_rounded_ones_are_those_of_the_nearest(tmp_path, drawn):
+    run = make_run(tmp_path / "run", times=[0.0, 0.1, 0.29997])
+    plot.plot_run(run, times=[0.12, 0.3])
+    assert [axes.get_title() for axes in panels(drawn[0])] == ["t = 0.1 s", "t = 0.3 s"]
+
+
+def test_no_two_curves_of_a_panel_share_a_colour(tmp_path, drawn):
+    """Of the extents of two phases there are two dozen in metres; all are in the legend, beside the curves."""
+    run = make_run(tmp_path / "run", times=[0.0])
+    names = [f"curve_{k}" for k in range(24)]
+    heading = "time [s]," + ",".join(f"{name} [m]" for name in names)
+    rows = "\n".join(f"{t}," + ",".join(str(k + t) for k in range(24)) for t in (0, 1, 2))
+    (run / "gauges" / "extents.csv").write_text(f"{heading}\n{rows}\n")
+    plot.plot_run(run)
+    (panel,) = [axes for axes in panels(drawn[1]) if axes.get_title() == "extents"]
+    looks = [tuple(np.round(to_rgba(line.get_color()), 3)) for line in panel.get_lines()]
+    assert len(set(looks)) == 24
+    assert [text.get_text() for text in panel.get_legend().get_texts()] == names
+    drawn[1].canvas.draw()
+    legend, curves = panel.get_legend().get_window_extent(), panel.get_window_extent()
+    assert legend.x0 >= curves.x1 and legend.x1 <= drawn[1].bbox.x1
+    for few in [axes for axes in panels(drawn[1]) if axes is not panel]:
+        colours = [line.get_color() for line in few.get_lines()]
+        assert len(set(colours)) == len(colours)
 
 
 # ---- reference interfaces over the particles ---------------------------------------------------------------
