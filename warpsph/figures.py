@@ -142,11 +142,7 @@ def _draw_particles(
         unused.remove()
     axes = axes[: len(cuts)]
     for panel, cut, values in zip(axes, cuts, fields, strict=True):
-        if cut.wall is not None:
-            plot.draw_discs(panel, view.place(cut.wall), view.spacing, color=plot.WALL_COLOUR)
-        plot.draw_discs(
-            panel, view.place(cut.fluid), view.spacing, array=values, cmap=scale.colours, norm=scale.norm
-        )
+        plot.draw_frame(panel, view, cut, values, scale)
         for line in _interfaces(case, cut.time):
             plot.draw_segments(panel, line)
         plot.set_axes(panel, view)

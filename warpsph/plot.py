@@ -3,7 +3,7 @@
 import csv
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -30,6 +30,8 @@ _DERIVED_UNITS = {"vorticity": "1/s"}  # of fields that no particle file holds
 _AXES = "xyz"
 WALL_COLOUR = "0.75"
 DISC = 2 / math.sqrt(math.pi)  # diameter / spacing of a disc as large as a particle's share of the plane
+_SLICE = 1.5  # spacings from a particle to the parts of a slice that can belong to it
+_SLICE_PIXELS = 16, 1200  # of a spacing, and along the longer side of a slice at most
 _LONGEST_CURVE = 5000  # points; more than a picture can show
 _MOST_CURVES = 8  # in one panel
 _ROUNDED = 1e-3  # share of the last time by which a time that is asked for may lie beyond it
@@ -195,16 +197,21 @@ class View:
         return "" if self.middle is None else f"slice at {_AXES[3 - sum(self.axes)]} = {self.middle:.4g} m"
 
     def cut(self, frame: Frame) -> Frame:
-        """The particles of a frame within half a spacing of the slice; in 2-D the frame as it is."""
+        """The particles of a frame that the slice may meet; in 2-D the frame as it is."""
         if self.middle is None:
             return frame
-        axis, middle = 3 - sum(self.axes), self.middle
-        half = 0.5 * self.spacing * (1 + 1e-5)
+        reach = _SLICE * self.spacing
 
         def part(of: Snapshot) -> Snapshot:
-            return of.select(np.abs(of.position[:, axis] - middle) <= half)
+            return of.select(np.abs(self.depth(of)) <= reach)
 
         return Frame(frame.time, part(frame.fluid), None if frame.wall is None else part(frame.wall))
+
+    def depth(self, part: Snapshot) -> np.ndarray:
+        """(n,) distances from the slice, signed [m]; 0 in 2-D."""
+        if self.middle is None:
+            return np.zeros(len(part))
+        return np.asarray(part.position[:, 3 - sum(self.axes)] - self.middle)
 
     def place(self, part: Snapshot) -> np.ndarray:
         """(n, 2) positions in the picture [m]."""
@@ -273,6 +280,13 @@ class ColourScale:
     norm: Any  # matplotlib's Normalize
     extend: str  # which ends are open: neither, min, max or both
 
+    def rgba(self, values: np.ndarray) -> np.ndarray:
+        """(n, 4) uint8 colours of values (n,)."""
+        from matplotlib import colormaps
+
+        colours = colormaps[self.colours] if isinstance(self.colours, str) else self.colours
+        return np.asarray(colours(self.norm(values), bytes=True))
+
     def bar(self, figure: "FigureBase", axes: "list[Axes]", view: View, names: list[str]) -> None:
         """Draw the colour bar of some panels; `names` are those of the phases."""
         from matplotlib.cm import ScalarMappable
@@ -308,11 +322,7 @@ def _draw_particles(
     scale = scale_of(field, np.concatenate(fields))
     figure, axes = _panels(len(frames), view.aspect)
     for panel, frame, values in zip(axes, frames, fields, strict=True):
-        if frame.wall is not None:
-            draw_discs(panel, view.place(frame.wall), view.spacing, color=WALL_COLOUR)
-        draw_discs(
-            panel, view.place(frame.fluid), view.spacing, array=values, cmap=scale.colours, norm=scale.norm
-        )
+        draw_frame(panel, view, frame, values, scale)
         if over is not None:
             draw_segments(panel, over)
         set_axes(panel, view)
@@ -321,6 +331,24 @@ def _draw_particles(
     if view.note:
         figure.suptitle(view.note)
     return figure
+
+
+def draw_frame(panel: "Axes", view: View, frame: Frame, values: np.ndarray, scale: ColourScale) -> None:
+    """Draw a frame that is cut to the view: in 2-D its particles as discs, in 3-D what the slice meets.
+
+    values: (n,) of the fluid's particles, in the colours of the scale
+    """
+    if view.middle is None:
+        if frame.wall is not None:
+            draw_discs(panel, view.place(frame.wall), view.spacing, color=WALL_COLOUR)
+        draw_discs(panel, view.place(frame.fluid), view.spacing, array=values, cmap=scale.colours, norm=scale.norm)
+        return
+    width, height = view.upper - view.lower
+    pixels = min(_SLICE_PIXELS[0] / view.spacing, _SLICE_PIXELS[1] / max(width, height))  # of a metre
+    shape = max(round(height * pixels), 1), max(round(width * pixels), 1)
+    picture = slice_picture(view, frame, scale.rgba(values), shape)
+    extent = (view.lower[0], view.upper[0], view.lower[1], view.upper[1])
+    panel.imshow(picture, extent=extent, origin="lower", interpolation="nearest")
 
 
 def _panels(count: int, aspect: float) -> "tuple[Figure, list[Axes]]":
@@ -351,6 +379,95 @@ def draw_discs(panel: "Axes", position: np.ndarray, spacing: float, **style: Any
     discs = EllipseCollection([DISC * spacing], [DISC * spacing], [0.0], **style)
     panel.add_collection(discs, autolim=False)
     return discs
+
+
+def nearest_particles(
+    position: np.ndarray,
+    lower: np.ndarray,
+    upper: np.ndarray,
+    shape: tuple[int, int],
+    radius: float,
+    depth: np.ndarray | None = None,
+) -> np.ndarray:
+    """(rows, columns) index of the particle nearest to the centre of each pixel, -1 where none is within `radius`.
+
+    position: (n, 2) [m]; those that are not finite are nowhere
+    lower, upper: corners of the picture [m]; row 0 is at the bottom
+    radius: of a particle [m]; it owns at least the pixel that it is in, unless another is nearer
+    depth: (n,) distance of the particles from the plane of the picture [m]; without it they lie in it
+    """
+    rows, columns = shape
+    # in pixels, centres at whole numbers
+    place = (position - lower) / (upper - lower) * (columns, rows) - 0.5
+    per_metre = max(columns / (upper[0] - lower[0]), rows / (upper[1] - lower[1]))
+    reach = max(radius * per_metre, math.sqrt(0.5))
+    with np.errstate(invalid="ignore"):
+        near = np.flatnonzero(((place > -1 - reach) & (place < np.array([columns, rows]) + reach)).all(axis=1))
+    place = place[near]
+    beyond = np.zeros(len(near)) if depth is None else (depth[near] * per_metre) ** 2
+    home = np.rint(place).astype(np.int64)
+    best = np.full(rows * columns, np.inf, np.float32)
+    owner = np.full(rows * columns, -1, np.int64)
+    limit = np.float32(reach * reach * (1 + 1e-5))
+
+    def candidates() -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+        """Particles, pixels and the squares of their distances, for one offset from the home pixel at a time."""
+        width = math.ceil(reach)
+        for up in range(-width, width + 1):
+            for right in range(-width, width + 1):
+                column, row = home[:, 0] + right, home[:, 1] + up
+                distance = ((column - place[:, 0]) ** 2 + (row - place[:, 1]) ** 2 + beyond).astype(np.float32)
+                inside = (distance <= limit) & (column >= 0) & (column < columns) & (row >= 0) & (row < rows)
+                yield np.flatnonzero(inside), (row * columns + column)[inside], distance[inside]
+
+    for _, pixel, distance in candidates():
+        np.minimum.at(best, pixel, distance)
+    for particle, pixel, distance in candidates():
+        wins = distance == best[pixel]
+        owner[pixel[wins]] = near[particle[wins]]
+    return owner.reshape(rows, columns)
+
+
+def slice_owner(view: View, frame: Frame, shape: tuple[int, int]) -> np.ndarray:
+    """(rows, columns) which particle of a frame, cut to the view, the slice meets in each pixel; -1 where none.
+
+    Of a thin layer of centres a disordered fluid would show holes that are none: what fills them lies a little beside the
+    plane. Each pixel belongs to the particle nearest to it in space. Holes into which a ball of _SLICE spacings radius does
+    not fit are closed, which is less than a particle sees around it; a surface is half a spacing outside of the outermost
+    particles.
+
+    The fluid's particles count from 0, those of the walls go on behind them. Row 0 is at the bottom.
+    """
+    parts = [frame.fluid] if frame.wall is None else [frame.fluid, frame.wall]
+    position = np.concatenate([view.place(part) for part in parts])
+    depth = np.concatenate([view.depth(part) for part in parts])
+    # So far beyond the picture that what is empty around the scene is seen.
+    size = (view.upper - view.lower) / (shape[1], shape[0])
+    rim = math.ceil(_SLICE * view.spacing / size.min()) + 1
+    lower, upper = view.lower - rim * size, view.upper + rim * size
+    wide = shape[0] + 2 * rim, shape[1] + 2 * rim
+    owner = nearest_particles(position, lower, upper, wide, _SLICE * view.spacing, depth)
+    # Reaching so far closes holes, and pushes surfaces out by the same length: the latter is taken back from what is empty.
+    full = np.pad(owner >= 0, 1)
+    shore = ~full[1:-1, 1:-1] & (full[2:, 1:-1] | full[:-2, 1:-1] | full[1:-1, 2:] | full[1:-1, :-2])
+    row, column = np.nonzero(shore)
+    empty = lower + (np.column_stack([column, row]) + 0.5) * size
+    owner[nearest_particles(empty, lower, upper, wide, (_SLICE - 0.5) * view.spacing) >= 0] = -1
+    return owner[rim : rim + shape[0], rim : rim + shape[1]]
+
+
+def slice_picture(view: View, frame: Frame, colours: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
+    """(rows, columns, 4) uint8 picture of the slice of a frame that is cut to the view.
+
+    colours: (n, 4) uint8 of the fluid's particles; walls are grey
+    """
+    from matplotlib.colors import to_rgba
+
+    grey = np.round(255 * np.array(to_rgba(WALL_COLOUR))).astype(np.uint8)
+    walls = 0 if frame.wall is None else len(frame.wall)
+    # One more row, clear, is what the owner -1 finds.
+    table = np.concatenate([colours, np.broadcast_to(grey, (walls, 4)), np.zeros((1, 4), np.uint8)])
+    return table[slice_owner(view, frame, shape)]
 
 
 def _colour_scale(values: np.ndarray) -> tuple[str, Any, str]:

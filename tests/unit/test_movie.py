@@ -157,7 +157,10 @@ def test_a_slice_in_three_dimensions(tmp_path, painters):
     (painter,) = painters
     assert (painter._panel.get_xlabel(), painter._panel.get_ylabel()) == ("x [m]", "z [m]")
     assert painter._panel.figure.get_suptitle() == "slice at y = 0.5 m"
-    assert len(painter._fluid.get_offsets()) == 200  # two layers are within half a spacing of the middle
+    (picture,) = painter.pictures
+    shown = np.asarray(painter._pixels.get_array())
+    assert painter._fluid is None and (shown[:, :, 3] > 0).mean() == pytest.approx(1 / 1.1**2, rel=0.06)
+    assert (colour_at(painter, picture, 0.55, 0.55) < 250).any()  # at a corner of four lattice cells, where no disc reaches
 
 
 def test_segments_are_drawn_over_every_frame(tmp_path, painters):

@@ -1,5 +1,7 @@
 """Pictures from a run folder that is made by hand: what is drawn, of which frames, how large, which units."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from matplotlib.colors import to_rgba
@@ -130,10 +132,42 @@ def test_three_dimensions_show_a_slice(tmp_path, drawn, axis, drawn_axes):
     plot.plot_run(make_run(tmp_path / "run", dimension=3, times=[0.0]), field="mass", slice_axis=axis)
     (panel,) = panels(drawn[0])
     assert [panel.get_xlabel(), panel.get_ylabel()] == [f"{'xyz'[k]} [m]" for k in drawn_axes]
-    # The middle lies between two layers of the lattice; both are within half a spacing.
-    in_slice = 2 * (100 if axis == "y" else 90)
-    assert len(discs(panel)[-1].get_offsets()) == in_slice
+    picture = np.asarray(panel.get_images()[0].get_array())
+    per_square_metre = picture.shape[0] * picture.shape[1] / 1.1**2  # half a spacing of margin on each side
+    grey = (picture[:, :, :3] == round(0.75 * 255)).all(axis=2)
+    assert grey.sum() / per_square_metre == pytest.approx(0.0 if axis == "y" else 0.1, abs=0.02)
+    # Between two layers of the lattice its outer sides are a little wavy, 0.15 spacings inside of half a spacing at most.
+    assert 0.94 < (picture[:, :, 3] > 0).sum() / per_square_metre < 1.01
     assert "mass [kg]" in [axes.get_ylabel() for axes in drawn[0].axes]
+
+
+def test_a_slice_shows_the_holes_there_are_and_no_others():
+    """Of a disordered fluid with a ball of 0.25 m left out; in a layer one spacing thick it had hundreds of holes."""
+    spacing = 0.05
+    axis = np.arange(spacing / 2, 1, spacing)
+    position = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), axis=-1).reshape(-1, 3)
+    position += np.random.default_rng(1).uniform(-0.5 * spacing, 0.5 * spacing, position.shape)
+    position = position[np.linalg.norm(position - 0.5, axis=1) > 0.25]
+    n = len(position)
+    fluid = replace(lattice(3, 0.0), position=position, velocity=position, particle_spacing=spacing)
+    fluid = replace(fluid, **{name: np.zeros(n) for name in ("density", "pressure", "mass", "volume", "phase")})
+    fluid = replace(fluid, particle_id=np.arange(n), kind=np.full(n, FLUID, np.uint8))
+    view = plot.view_of(np.zeros(3), np.ones(3), spacing, "y")
+    owner = plot.slice_owner(view, view.cut(plot.Frame(0.0, fluid, None)), (440, 440))
+    middle = (np.arange(440) + 0.5) / 400 - 0.05
+    radius = np.hypot(middle[:, None] - 0.5, middle[None] - 0.5)
+    inner = (np.abs(middle - 0.5) < 0.4)[:, None] & (np.abs(middle - 0.5) < 0.4)
+    assert (owner[inner & (radius > 0.29)] >= 0).all()
+    assert (owner[radius < 0.21] == -1).all()
+    area = (owner >= 0).sum() / 400**2
+    assert area == pytest.approx(1.0 - np.pi * 0.25**2, rel=0.03)
+    # nearest in space: no particle is nearer to the middle of a pixel than its owner
+    row, column = np.nonzero(owner >= 0)
+    for k in range(0, len(row), 5000):
+        place = np.array([middle[column[k]], 0.5, middle[row[k]]])
+        cut = view.cut(plot.Frame(0.0, fluid, None)).fluid.position
+        least = np.linalg.norm(cut - place, axis=1).min()
+        assert np.linalg.norm(cut[owner[row[k], column[k]]] - place) == pytest.approx(least, rel=1e-3)
 
 
 def test_a_runaway_particle_does_not_stretch_the_colours():
