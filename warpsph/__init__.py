@@ -28,6 +28,7 @@ if TYPE_CHECKING:
         DivergenceError,
         Interrupted,
         OutputError,
+        WallTimeReached,
         WarpsphError,
     )
     from warpsph.movie import make_movie
@@ -45,6 +46,7 @@ _PUBLIC = {
     "OutputError": "warpsph.errors",
     "Simulation": "warpsph.simulation",
     "Snapshot": "warpsph.snapshot",
+    "WallTimeReached": "warpsph.errors",
     "WarpsphError": "warpsph.errors",
     "load_case": "warpsph.case_file",
     "make_movie": "warpsph.movie",
@@ -61,6 +63,7 @@ __all__ = [
     "OutputError",
     "Simulation",
     "Snapshot",
+    "WallTimeReached",
     "WarpsphError",
     "__version__",
     "load_case",

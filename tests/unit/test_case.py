@@ -22,6 +22,7 @@ from warpsph.errors import (
     Interrupted,
     OutputError,
     Problem,
+    WallTimeReached,
     WarpsphError,
 )
 
@@ -829,6 +830,7 @@ def test_exit_codes():
         (DivergenceError("x", particle=3, time=0.5, quantity="velocity"), 3),
         (OutputError("x"), 4),
         (CapacityError("x", key="numerics.skin"), 5),
+        (WallTimeReached("x"), 7),
         (Interrupted("x"), 130),
     ]
     for error, code in errors:
