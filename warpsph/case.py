@@ -1224,6 +1224,11 @@ class ValidationFigure(CaseModel):
         description="times of the pictures, s, rising (default: four from start to end)",
         examples=["[0, 1, 2]"],
     )
+    phases: Annotated[tuple[Name, ...], Field(min_length=1), BeforeValidator(as_list)] | None = Field(
+        default=None,
+        description="phases that are drawn; the others are left white, and out of the colour scale (default: all)",
+        examples=["[water]"],
+    )
 
 
 class Validation(CaseModel):

@@ -978,6 +978,13 @@ def _check_file(folder: Path | None, path: str, name: str, columns: Mapping[str,
             yield Problem(f"{path}.{key}", column, f"is not a column of {name}", suggestion(column, header))
 
 
+def _check_validation(case: Any, _folder: Path | None, _raw: Any) -> _Problems:
+    figure = case.validation.figure
+    if figure is not None and figure.phases is not None:
+        for position, name in enumerate(figure.phases):
+            yield from _known_phase(case, f"validation.figure.phases.{position}", name)
+
+
 _CHECKS: tuple[Callable[[Any, Path | None, Any], _Problems], ...] = (
     _check_domain,
     _check_vectors,
@@ -991,4 +998,5 @@ _CHECKS: tuple[Callable[[Any, Path | None, Any], _Problems], ...] = (
     _check_output,
     _check_gauges,
     _check_references,
+    _check_validation,
 )

@@ -214,6 +214,10 @@ def plot(
         ),
     ] = None,
     output: Annotated[Path | None, typer.Option(help="PNG file (default: RUN/plots/FIELD.png).")] = None,
+    phases: Annotated[
+        str | None,
+        typer.Option(metavar="NAME,...", help="Phases to draw, the others are left white (default: all)."),
+    ] = None,
     movie: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Write a movie instead: .gif, or .mp4 with ffmpeg.")
     ] = None,
@@ -237,6 +241,8 @@ def plot(
 ) -> None:
     """Draw the particles of a run and its gauge curves, or make a movie of the particles."""
     choices: dict[str, Any] = {"field": field, "times": _parse_times(times)}
+    if phases is not None:
+        choices["phases"] = [name.strip() for name in phases.split(",")]
     with _reported(debug):
         problems = []
         overlay = {"--over-scale": over_scale, "--over-offset": over_offset, "--over-mirror": over_mirror}

@@ -35,6 +35,7 @@ from warpsph.plot import (
     read_series,
     scale_of,
     set_axes,
+    shown_phases,
     slice_picture,
     values_of,
     view_of,
@@ -69,6 +70,7 @@ def make_movie(
     fps: float = 10.0,
     slice_axis: str | None = None,
     over: np.ndarray | None = None,
+    phases: Sequence[str] | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Path:
     """Write a movie of the particles of a run, one colour scale for all frames; return its path.
@@ -78,10 +80,10 @@ def make_movie(
     field: as in `plot_run`
     times: s; of slice(T1, T2) the frames from T1 to T2, else the frames nearest to each (default: every frame)
     fps: frames shown in a second
-    slice_axis, over: as in `plot_run`
+    slice_axis, over, phases: as in `plot_run`
     progress: called with the number of frames done and of all
 
-    Raises CaseError if there is no such run, field or time in it, or no such kind of movie can be made;
+    Raises CaseError if there is no such run, field, time or phase in it, or no such kind of movie can be made;
     OutputError if a file cannot be read or written, or ffmpeg fails.
     """
     folder, path = Path(folder), Path(path)
@@ -94,9 +96,12 @@ def make_movie(
     def read() -> Iterator[Frame]:
         return (read_frame(series, walls, frame) for frame in frames)
 
+    names = phase_names(folder)
+    shown = shown_phases(names, phases)
     view = _common_view(read(), slice_axis)
-    scale = scale_of(field, np.concatenate([_sample(values_of(view.cut(frame).fluid, field)) for frame in read()]))
-    painter = _Painter(view, scale, phase_names(folder), _clock([time for time, _ in frames]), over)
+    samples = [_sample(values_of(view.cut(frame).only(shown).fluid, field)) for frame in read()]
+    scale = scale_of(field, np.concatenate(samples))
+    painter = _Painter(view, scale, names, _clock([time for time, _ in frames]), over)
     encoder = _Gif if path.suffix.lower() == ".gif" else _Mp4
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -104,7 +109,7 @@ def make_movie(
         raise write_failure(path, error) from error
     with whole_file(path) as temporary, encoder(temporary, path, painter.size, fps, scale) as movie:
         for number, frame in enumerate(read(), 1):
-            movie.add(painter.paint(view.cut(frame)))
+            movie.add(painter.paint(view.cut(frame).only(shown)))
             if progress is not None:
                 progress(number, len(frames))
         movie.finish()

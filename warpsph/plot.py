@@ -30,6 +30,7 @@ _DERIVED_UNITS = {"vorticity": "1/s"}  # of fields that no particle file holds
 _AXES = "xyz"
 WALL_COLOUR = "0.75"
 DISC = 2 / math.sqrt(math.pi)  # diameter / spacing of a disc as large as a particle's share of the plane
+_LEGEND = 0.12  # share of the height of a figure that a phase takes in the legend
 _SLICE = 1.5  # spacings from a particle to the parts of a slice that can belong to it
 _SLICE_PIXELS = 16, 1200  # of a spacing, and along the longer side of a slice at most
 _LONGEST_CURVE = 5000  # points; more than a picture can show
@@ -44,6 +45,7 @@ def plot_run(
     output: Path | str | None = None,
     slice_axis: str | None = None,
     over: np.ndarray | None = None,
+    phases: Sequence[str] | None = None,
 ) -> list[Path]:
     """Draw the particles of a run at some times and the curves of its gauges; return the PNG files written.
 
@@ -57,8 +59,9 @@ def plot_run(
     slice_axis: "x", "y" or "z": in 3-D the axis that the slice through the middle is normal to (default: the
         shortest side of the scene)
     over: (n, 2, 2) segments that are drawn over the particles of every frame, see `read_segments` [m]
+    phases: names of the phases that are drawn, the others are left white (default: all)
 
-    Raises CaseError if there is no such run or no such field or time in it, OutputError if a file cannot be read
+    Raises CaseError if there is no such run or no such field, time or phase in it, OutputError if a file cannot be read
     or written.
     """
     folder = Path(folder)
@@ -77,8 +80,10 @@ def plot_run(
         frames[0].fluid.particle_spacing,
         slice_axis,
     )
-    frames = [view.cut(frame) for frame in frames]
-    written = [_save(_draw_particles(frames, view, field, phase_names(folder), over), particles_png)]
+    names = phase_names(folder)
+    shown = shown_phases(names, phases)
+    frames = [view.cut(frame).only(shown) for frame in frames]
+    written = [_save(_draw_particles(frames, view, field, names, over), particles_png)]
     curves = _draw_gauges(sorted((folder / "gauges").glob("*.csv")))
     if curves is not None:
         written.append(_save(curves, gauges_png))
@@ -92,6 +97,15 @@ class Frame:
     time: float  # s
     fluid: Snapshot
     wall: Snapshot | None
+
+    def only(self, phases: Sequence[int] | None) -> "Frame":
+        """The frame without the fluid of other phases, given by their numbers; None takes all."""
+        if phases is None:
+            return self
+        if not _written(self.fluid, "phase"):
+            remedy = "run again with phase in output.particles.fields, or draw all of them"
+            raise CaseError([Problem("phases", list(phases), "the particle files of this run hold no phase", remedy)])
+        return Frame(self.time, self.fluid.select(np.isin(self.fluid.phase, phases)), self.wall)
 
 
 # ---- reading ---------------------------------------------------------------------------------------------
@@ -156,6 +170,17 @@ def phase_names(folder: Path) -> list[str]:
         return list(read_yaml((folder / "case.yaml").read_text(encoding="utf-8"))["phases"])
     except (OSError, ValueError, LookupError, TypeError, CaseError):
         return []
+
+
+def shown_phases(names: Sequence[str], phases: Sequence[str] | None) -> list[int] | None:
+    """Numbers of the phases that are to be drawn, None for all. Raises CaseError for a name that is none of `names`."""
+    if phases is None:
+        return None
+    unknown = [phase for phase in phases if phase not in names]
+    if unknown or not phases:
+        remedy = f"choose from: {', '.join(names)}" if names else "leave it out: the run's case.yaml cannot be read"
+        raise CaseError([Problem("phases", ",".join(unknown), "is no phase of this run", remedy)])
+    return sorted(names.index(phase) for phase in phases)
 
 
 # ---- geometry --------------------------------------------------------------------------------------------
@@ -292,11 +317,16 @@ class ColourScale:
         from matplotlib.cm import ScalarMappable
         from matplotlib.colors import BoundaryNorm
 
-        bar = figure.colorbar(ScalarMappable(self.norm, self.colours), ax=axes, extend=self.extend, aspect=30)
-        bar.set_label(_label(self.field, flat=view.middle is None))
-        if isinstance(self.norm, BoundaryNorm):
+        mappable = ScalarMappable(self.norm, self.colours)
+        if not isinstance(self.norm, BoundaryNorm):
+            bar = figure.colorbar(mappable, ax=axes, extend=self.extend, aspect=30)
+        else:  # a legend: one short field a phase
+            count = len(self.norm.boundaries) - 1
+            share = min(1.0, _LEGEND * count)
+            bar = figure.colorbar(mappable, ax=axes, shrink=share, aspect=30 * share, drawedges=True)
             ticks = range(int(self.norm.boundaries[0] + 0.5), int(self.norm.boundaries[-1] + 0.5))
             bar.set_ticks(list(ticks), labels=[names[k] if k < len(names) else str(k) for k in ticks])
+        bar.set_label(_label(self.field, flat=view.middle is None))
 
 
 def scale_of(field: str, values: np.ndarray) -> ColourScale:
@@ -500,8 +530,8 @@ def _phase_colours(values: np.ndarray) -> tuple[Any, Any]:
     from matplotlib.colors import BoundaryNorm, ListedColormap
 
     low, high = (int(values.min()), int(values.max())) if len(values) else (0, 0)
-    palette = colormaps["tab10"]
-    colours = ListedColormap([palette(k % 10) for k in range(low, high + 1)])
+    palette = colormaps["tab10" if high < 10 else "tab20"]
+    colours = ListedColormap([palette(k % palette.N) for k in range(low, high + 1)])
     return colours, BoundaryNorm(np.arange(low - 0.5, high + 1.0), high - low + 1)
 
 

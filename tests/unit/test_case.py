@@ -702,6 +702,8 @@ def test_a_case_without_a_validation_section_has_one_quick_run():
         ({"quik": []}, "validation.quik", "did you mean quick"),
         ({"figure": {"field": "colour"}}, "validation.figure.field", "phase, speed, pressure, vorticity"),
         ({"figure": {"field": "phase", "times": [1, 0]}}, "validation.figure.times", "rising"),
+        ({"figure": {"field": "phase", "phases": ["watr"]}}, "validation.figure.phases.0", "is not one of the phases"),
+        ({"figure": {"field": "phase", "phases": []}}, "validation.figure.phases", "at least 1 entry"),
     ],
 )
 def test_bad_validation_sections(section, path, words):

@@ -426,6 +426,12 @@ def test_plot_takes_times_or_a_range_of_them(command, plotted, text, times):
     assert [keywords["times"] for _, _, keywords in plotted] == [times, times]
 
 
+def test_plot_takes_phases_of_pictures_and_movies(command, plotted):
+    for more in ((), ("--movie", "a.gif")):
+        assert command("plot", "runs/x", "--phases", "salt water, oil", *more)[0] == 0
+    assert [keywords["phases"] for _, _, keywords in plotted] == [["salt water", "oil"]] * 2
+
+
 def test_plot_makes_a_movie_and_shows_how_far_it_is(command, plotted):
     code, out, err = command("plot", "runs/x", "--movie", "new/a.gif", "--fps", 25, "--field", "phase")
     assert (code, out) == (0, "a.gif\n")

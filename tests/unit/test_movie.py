@@ -173,6 +173,17 @@ def test_segments_are_drawn_over_every_frame(tmp_path, painters):
         assert (colour_at(painter, picture, 0.45, 0.75) > 60).any()
 
 
+def test_phases_that_are_left_out_are_white_and_the_picture_stays_the_same_part_of_the_scene(tmp_path, painters):
+    run = make_run(tmp_path / "run", times=[0.0, 1.0])
+    for phases in (None, ["gas"]):
+        movie.make_movie(run, tmp_path / "a.gif", field="pressure", phases=phases)
+    everything, gas = painters
+    assert (everything.view.lower == gas.view.lower).all() and (everything.view.upper == gas.view.upper).all()
+    for picture in gas.pictures:
+        assert (colour_at(gas, picture, 0.75, 0.55) == 255).all() and (colour_at(gas, picture, 0.25, 0.55) < 255).any()
+    assert gas.scale.norm.vmax < everything.scale.norm.vmax
+
+
 def test_phases_on_white_stay_on_white(tmp_path):
     movie.make_movie(make_run(tmp_path / "run", times=[0.0]), tmp_path / "a.gif", field="phase")
     pictures, _ = gif_of(tmp_path / "a.gif")

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_rgba
 
 from warpsph import plot
@@ -125,6 +126,51 @@ def test_phases_have_their_names(tmp_path, drawn):
     fluid = discs(panels(drawn[0])[0])[-1]
     colours = fluid.to_rgba(fluid.get_array())
     assert len(np.unique(colours, axis=0)) == 2
+
+
+def three_phases(path):
+    """Three phases with names of a user, one above the other; the lightest has by far the highest pressure."""
+    state = lattice(2, 0.0)
+    phase = np.where(state.kind == WALL, -1, np.minimum(3 * state.position[:, 1], 2).astype(int)).astype(np.int32)
+    state = replace(state, phase=phase, pressure=np.where(phase == 2, 1e6, state.pressure))
+    case = "phases: {salt_water_from_the_sea: {density: 1000}, oil: {density: 800}, hot air: {density: 1}}\n"
+    with RunFolder(path, case_text=case, fields=("velocity", "pressure", "phase")) as folder:
+        folder.write_particles(state)
+    return path
+
+
+def test_three_phases_with_names_of_their_own_have_a_legend(tmp_path, drawn):
+    plot.plot_run(three_phases(tmp_path / "run"), field="phase")
+    (figure,) = drawn
+    bar = figure.axes[-1]
+    labels = bar.get_yticklabels()
+    assert [text.get_text() for text in labels] == ["salt_water_from_the_sea", "oil", "hot air"]
+    fluid = discs(panels(figure)[0])[-1]
+    assert len(np.unique(fluid.to_rgba(fluid.get_array()), axis=0)) == 3
+    FigureCanvasAgg(figure).draw()  # arranges the parts
+    boxes = [text.get_window_extent() for text in labels]
+    assert all(box.x1 <= figure.bbox.x1 for box in boxes)
+    assert all(below.y1 < above.y0 for below, above in zip(boxes, boxes[1:], strict=False))
+    # a legend, no scale as high as the picture
+    assert bar.get_window_extent().height < 0.45 * figure.bbox.height
+
+
+def test_phases_that_are_left_out_leave_the_colour_scale_too(tmp_path, drawn):
+    run = three_phases(tmp_path / "run")
+    plot.plot_run(run, field="pressure", phases=["oil", "salt_water_from_the_sea"])
+    wall, fluid = discs(panels(drawn[0])[0])
+    assert len(fluid.get_offsets()) == 60 and fluid.get_array().max() < 1.0  # three and three of nine rows; one is wall
+    assert fluid.norm.vmax < 2.0
+    plot.plot_run(run, field="phase", phases=["hot air"])
+    bar = drawn[1].axes[-1]
+    assert [text.get_text() for text in bar.get_yticklabels()] == ["hot air"]
+    with pytest.raises(CaseError, match="phases: air -> is no phase of this run; choose from: salt_water.*, oil, hot air"):
+        plot.plot_run(run, phases=["oil", "air"])
+    unknown = tmp_path / "unknown"
+    with RunFolder(unknown, case_text="phases: {oil: {density: 1}}\n", fields=("pressure",)) as folder:
+        folder.write_particles(lattice(2, 0.0))
+    with pytest.raises(CaseError, match="phases.*hold no phase; run again with phase in output.particles.fields"):
+        plot.plot_run(unknown, phases=["oil"])
 
 
 @pytest.mark.parametrize(("axis", "drawn_axes"), [(None, (0, 1)), ("y", (0, 2)), ("x", (1, 2))])
@@ -292,7 +338,7 @@ def test_no_two_curves_of_a_panel_share_a_colour(tmp_path, drawn):
     looks = [tuple(np.round(to_rgba(line.get_color()), 3)) for line in panel.get_lines()]
     assert len(set(looks)) == 24
     assert [text.get_text() for text in panel.get_legend().get_texts()] == names
-    drawn[1].canvas.draw()
+    FigureCanvasAgg(drawn[1]).draw()  # arranges the parts
     legend, curves = panel.get_legend().get_window_extent(), panel.get_window_extent()
     assert legend.x0 >= curves.x1 and legend.x1 <= drawn[1].bbox.x1
     for few in [axes for axes in panels(drawn[1]) if axes is not panel]:
