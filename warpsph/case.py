@@ -815,7 +815,7 @@ class PointsGauge(_Gauge):
         description="the points, m", examples=["[[0, 0]]"]
     )
     fields: _SampledFields = Field(description="fields to interpolate", examples=["[pressure]"])
-    area: PositiveNumber | None = Field(
+    area: Annotated[float | None, NumberRule(above=0, none=True)] = Field(
         default=None,
         description="face of a sensor around each point, in the plane of the wall: a disc, m^2; in 2-D its length along the "
         "wall, m. Each field is the mean over it, by linear fits; what is dry has no pressure (default: values at points)",

@@ -162,6 +162,12 @@ def test_what_a_case_may_not_say(gauge, expected):
         make_case(**{"points": [[1.0, 0.5]], **gauge})
 
 
+def test_an_area_can_be_taken_out_again():
+    case = make_case(points=[[1.0, 0.5]], area=0.1)
+    assert case.replace({"gauges.sensor.area": "none"}).gauges["sensor"].area is None
+    assert Case.from_dict(case.to_dict(defaults=True)).gauges["sensor"].area == 0.1
+
+
 def test_a_given_normal_needs_no_wall_and_a_periodic_side_no_room():
     case = make_case(points=[[0.5, 0.5]], area=0.2, normal=[0, 3])
     assert exact_mean(case, lambda x: x[:, 0] ** 2) == pytest.approx(0.25 + 0.04 / 12, rel=1e-3)
