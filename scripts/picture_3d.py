@@ -18,6 +18,7 @@ import numpy as np
 from warpsph.errors import WarpsphError
 from warpsph.figures import case_of_run
 from warpsph.output import read_vtp
+from warpsph.plot import choose_frames
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -40,8 +41,11 @@ def main(arguments: list[str] | None = None) -> int:
     if not frames:
         parser.error(f"{chosen.run}: has no particle files")
     if chosen.times:
-        times = np.array([read_vtp(frame).time for frame in frames])
-        frames = [frames[int(np.abs(times - time).argmin())] for time in chosen.times]
+        listed = [(read_vtp(frame).time, str(frame)) for frame in frames]
+        try:
+            frames = [Path(name) for _, name in choose_frames(listed, chosen.times)]
+        except WarpsphError as error:
+            parser.error(str(error))
     else:
         frames = frames[:: max(chosen.every, 1)]
 

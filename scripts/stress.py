@@ -487,6 +487,8 @@ def plain(value: Any) -> Any:
     """`value` for JSON, which has no nan and no infinity."""
     if isinstance(value, dict):
         return {key: plain(item) for key, item in value.items()}
+    if isinstance(value, np.generic):
+        return plain(value.item())
     if isinstance(value, (list, tuple)):
         return [plain(item) for item in value]
     if isinstance(value, float) and not math.isfinite(value):

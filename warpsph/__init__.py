@@ -30,6 +30,7 @@ if TYPE_CHECKING:
         DivergenceError,
         Interrupted,
         OutputError,
+        WallTimeReached,
         WarpsphError,
     )
     from warpsph.movie import make_movie
@@ -47,6 +48,7 @@ _PUBLIC = {
     "OutputError": "warpsph.errors",
     "Simulation": "warpsph.simulation",
     "Snapshot": "warpsph.snapshot",
+    "WallTimeReached": "warpsph.errors",
     "WarpsphError": "warpsph.errors",
     "load_case": "warpsph.case_file",
     "make_movie": "warpsph.movie",
@@ -63,6 +65,7 @@ __all__ = [
     "OutputError",
     "Simulation",
     "Snapshot",
+    "WallTimeReached",
     "WarpsphError",
     "__version__",
     "load_case",

@@ -817,6 +817,17 @@ class PointsGauge(_Gauge):
         description="the points, m", examples=["[[0, 0]]"]
     )
     fields: _SampledFields = Field(description="fields to interpolate", examples=["[pressure]"])
+    area: Annotated[float | None, NumberRule(above=0, none=True)] = Field(
+        default=None,
+        description="face of a sensor around each point, in the plane of the wall: a disc, m^2; in 2-D its length along the "
+        "wall, m. Each field is the mean over it, by linear fits; what is dry has no pressure (default: values at points)",
+        examples=["4.2e-3"],
+    )
+    normal: Vector | None = Field(
+        default=None,
+        description="direction at right angles to the faces, of any length (default: that of the nearest wall)",
+        examples=["[1, 0]"],
+    )
 
 
 class LineGauge(_Gauge):
@@ -977,15 +988,20 @@ class ReferenceCurve(_Reference):
     norm: _Norm = Field(default="max", description="how the deviations become one number", examples=["max"])
     reduce: Annotated[
         Literal[
-            "mean", "max", "min", "final", "rms", "period", "peak", "peak_time", "trough", "trough_time"
+            "mean", "max", "min", "final", "rms", "period", "peak", "peak_time", "trough", "trough_time", "noise"
         ],
         ChoiceRule(),
     ] | None = Field(
         default=None,
         description="instead of norm: column and curve each become one number in this way, over the same times, and these "
-        "are compared (peak, trough and their times: of the cubic through the rows of the window)",
+        "are compared (peak, trough and their times: of the cubic through the rows of the window; noise: as of a value)",
         examples=["mean"],
     )  # fmt: skip
+    span: PositiveNumber | None = Field(
+        default=None,
+        description="noise: the time over which column and curve are all but parabolas, s; what rings faster is noise",
+        examples=["2"],
+    )
     relative_to: _RelativeTo = Field(
         default="peak",
         description="what the error is divided by; absolute: by nothing, in the unit of the column. With reduce: by the "
@@ -1209,6 +1225,11 @@ class ValidationFigure(CaseModel):
         default=None,
         description="times of the pictures, s, rising (default: four from start to end)",
         examples=["[0, 1, 2]"],
+    )
+    phases: Annotated[tuple[Name, ...], Field(min_length=1), BeforeValidator(as_list)] | None = Field(
+        default=None,
+        description="phases that are drawn; the others are left white, and out of the colour scale (default: all)",
+        examples=["[water]"],
     )
 
 

@@ -17,6 +17,7 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Annotated, Any, Union, get_args, get_origin
 
+import numpy as np
 from pydantic import BaseModel, Tag, TypeAdapter, ValidationError
 from pydantic.fields import FieldInfo
 
@@ -41,7 +42,8 @@ from warpsph.case import (
 )
 from warpsph.case_values import NAME, CaseModel, example, formula_text, suggestion
 from warpsph.errors import MISSING, ExpressionError, Problem
-from warpsph.expressions import Expression
+from warpsph.expressions import Expression, compile_expression
+from warpsph.sensors import NoPlane, face_radius, wall_normal
 
 # ----------------------------------------------------------------------------------------------------------
 # the report: pydantic's errors in the words and paths of the case file
@@ -736,6 +738,7 @@ def _check_gauge(case: Any, name: Any, gauge: Any) -> _Problems:
         for position, point in enumerate(gauge.points):
             yield from _guarded(_check_length(case.dimension, f"{path}.points.{position}", point))
         yield from _check_interface_fields(case, f"{path}.fields", gauge.fields)
+        yield from _guarded(_check_faces(case, path, gauge))
     elif gauge.type == "line":
         yield from _guarded(_check_length(case.dimension, f"{path}.from", gauge.from_))
         yield from _guarded(_check_length(case.dimension, f"{path}.to", gauge.to))
@@ -744,6 +747,46 @@ def _check_gauge(case: Any, name: Any, gauge: Any) -> _Problems:
                 f"{path}.to", list(gauge.to), "is the same point as from", "use a gauge of type points"
             )
         yield from _check_interface_fields(case, f"{path}.fields", gauge.fields)
+
+
+def _check_faces(case: Any, path: str, gauge: Any) -> _Problems:
+    """The faces of sensors have a plane and lie within the domain."""
+    normal = gauge.normal
+    if gauge.area is None:
+        if normal is not None:
+            yield Problem(f"{path}.normal", list(normal), "is that of an area, and there is none", "add area, or delete it")
+        return
+    yield from _check_length(case.dimension, f"{path}.normal", normal or ())
+    if normal is not None and not any(normal):
+        rule = "has no direction"
+        yield Problem(f"{path}.normal", list(normal), rule, "write that of the wall, e.g. normal: [1, 0]")
+    elif normal is None or len(normal) == case.dimension:
+        points = [(position, point) for position, point in enumerate(gauge.points) if len(point) == case.dimension]
+        yield from _each(_check_face, points, case, path, gauge)
+
+
+def _check_face(case: Any, path: str, gauge: Any, position: int, point: Sequence[float]) -> _Problems:
+    """The face around one point."""
+    where = f"{path}.points.{position}"
+    try:
+        normal = wall_normal(case, point) if gauge.normal is None else np.asarray(gauge.normal, np.float64)
+    except NoPlane as reason:
+        yield Problem(where, list(point), str(reason), "move it to the wall, or give normal")
+        return
+    extent = _extent(case)
+    if extent is None:
+        return
+    across = np.sqrt(np.maximum(1.0 - (normal / np.linalg.norm(normal)) ** 2, 0.0))
+    reach = face_radius(gauge.area, case.dimension) * across
+    for k, axis in enumerate(AXES[: case.dimension]):
+        lower, upper = case.domain.lower[k], case.domain.upper[k]
+        first, last = point[k] - reach[k], point[k] + reach[k]
+        slack = 1e-9 * extent[k]
+        if reach[k] > 0 and not getattr(case.domain.boundary, axis).periodic and not (
+            lower - slack <= first and last <= upper + slack
+        ):
+            rule = f"its area reaches from {axis} = {first:.4g} to {last:.4g} m, the domain from {lower:g} to {upper:g} m"
+            yield Problem(where, list(point), rule, "move the point, or lower area")
 
 
 def _check_references(case: Any, folder: Path | None, raw: Any) -> _Problems:
@@ -809,13 +852,13 @@ def _check_reference(case: Any, folder: Path | None, raw: Any, name: Any, refere
 
 def _check_reduce(path: str, reference: Any) -> _Problems:
     """What belongs to one way of reducing is given with that one alone."""
-    if isinstance(reference, ReferenceValue):
+    if isinstance(reference, ReferenceValue | ReferenceCurve):
         if reference.reduce == "noise" and reference.span is None:
             rule = "noise needs a span: the time over which the column is all but a parabola"
             yield Problem(f"{path}.span", MISSING, rule, "write e.g. span: 2")
         if reference.reduce != "noise" and reference.span is not None:
             yield Problem(f"{path}.span", reference.span, "belongs to reduce: noise", "delete it")
-    elif isinstance(reference, ReferenceCurve) and reference.reduce is not None:
+    if isinstance(reference, ReferenceCurve) and reference.reduce is not None:
         if reference.norm != "max":
             yield Problem(f"{path}.norm", reference.norm, "with reduce there is no norm", "delete one of both")
         if reference.relative_to not in ("peak", "absolute"):
@@ -936,6 +979,13 @@ def _check_file(folder: Path | None, path: str, name: str, columns: Mapping[str,
             yield Problem(f"{path}.{key}", column, f"is not a column of {name}", suggestion(column, header))
 
 
+def _check_validation(case: Any, _folder: Path | None, _raw: Any) -> _Problems:
+    figure = case.validation.figure
+    if figure is not None and figure.phases is not None:
+        for position, name in enumerate(figure.phases):
+            yield from _known_phase(case, f"validation.figure.phases.{position}", name)
+
+
 _CHECKS: tuple[Callable[[Any, Path | None, Any], _Problems], ...] = (
     _check_domain,
     _check_vectors,
@@ -949,4 +999,5 @@ _CHECKS: tuple[Callable[[Any, Path | None, Any], _Problems], ...] = (
     _check_output,
     _check_gauges,
     _check_references,
+    _check_validation,
 )

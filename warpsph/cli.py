@@ -4,13 +4,14 @@ Each command loads the case, hands it to the module that does the work and print
 typer everything is imported inside the commands: `--help` answers at once, a command pays for what it uses.
 
 Exit codes: 0 done, 1 unexpected error, 2 bad input, 3 diverged, 4 cannot write, 5 capacity exceeded,
-6 validate: a reference was missed or a run failed, 130 interrupted.
+6 validate: a reference was missed or a run failed, 7 the wall time is over, 130 interrupted.
 """
 
 import errno
 import json
 import math
 import os
+import re
 import shlex
 import sys
 import time
@@ -85,6 +86,12 @@ def run(
     overrides: Overrides = None,
     end_time: EndTime = None,
     restart: Annotated[Path | None, typer.Option(help="Checkpoint, or run folder, to continue from.")] = None,
+    wall_time: Annotated[
+        str | None,
+        typer.Option(
+            "--wall-time", metavar="TIME", help="Stop with a checkpoint after this time: seconds, 1h30m or HH:MM:SS."
+        ),
+    ] = None,
     dry_run: Annotated[
         bool, typer.Option("--dry-run", help="Check and show the case, do not run it.")
     ] = False,
@@ -100,6 +107,7 @@ def run(
             *_output_problems(output, restart),
             *_device_problems(device),
             *_restart_problems(restart),
+            *_wall_time_problems(wall_time),
         ]
         try:
             loaded = _load(case, overrides, precision, end_time)
@@ -118,6 +126,7 @@ def run(
 
         folder = _claim_output(case, output, restart)
         choices: dict[str, Any] = {"device": device, "threads": threads, "restart": restart}
+        choices["wall_time"] = None if wall_time is None else _seconds_of(wall_time)
         try:
             simulation = Simulation(
                 loaded, output=folder, **{key: value for key, value in choices.items() if value is not None}
@@ -208,6 +217,10 @@ def plot(
         ),
     ] = None,
     output: Annotated[Path | None, typer.Option(help="PNG file (default: RUN/plots/FIELD.png).")] = None,
+    phases: Annotated[
+        str | None,
+        typer.Option(metavar="NAME,...", help="Phases to draw, the others are left white (default: all)."),
+    ] = None,
     movie: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Write a movie instead: .gif, or .mp4 with ffmpeg.")
     ] = None,
@@ -231,6 +244,8 @@ def plot(
 ) -> None:
     """Draw the particles of a run and its gauge curves, or make a movie of the particles."""
     choices: dict[str, Any] = {"field": field, "times": _parse_times(times)}
+    if phases is not None:
+        choices["phases"] = [name.strip() for name in phases.split(",")]
     with _reported(debug):
         problems = []
         overlay = {"--over-scale": over_scale, "--over-offset": over_offset, "--over-mirror": over_mirror}
@@ -396,7 +411,16 @@ def _reported(debug: bool, run_folder: Callable[[], Path | None] = lambda: None)
 
 
 def _say(message: str) -> None:
-    print(message, file=sys.stderr, flush=True)
+    """Print a line on stderr; where there is no terminal any more, nothing."""
+    try:
+        print(message, file=sys.stderr, flush=True)
+    except OSError:
+        _forget_terminal()
+
+
+def _forget_terminal() -> None:
+    """Send what is still to be printed nowhere: the terminal is gone, and that must not change the exit code."""
+    sys.stdout = sys.stderr = open(os.devnull, "w", encoding="utf-8")
 
 
 def _in_short(error: Exception) -> str:
@@ -485,6 +509,30 @@ def _restart_problems(restart: Path | None) -> "list[Problem]":
             "--restart", str(restart), "no such file or folder", "name a checkpoint/*.h5 or a run folder"
         )
     ]
+
+
+_CLOCK = re.compile(r"(?P<h>\d+):(?P<m>[0-5]?\d):(?P<s>[0-5]?\d(?:\.\d*)?)")
+_WORDS = re.compile(r"(?:(?P<d>\d+)d)?(?:(?P<h>\d+)h)?(?:(?P<m>\d+)m(?:in)?)?(?:(?P<s>\d+(?:\.\d*)?)s)?")
+
+
+def _seconds_of(text: str) -> float | None:
+    """Seconds of a time: a number of them, `1h30m` (d, h, m, s in this order) or `HH:MM:SS`; None if it is none above 0."""
+    text = text.replace(" ", "")
+    try:
+        seconds = float(text)
+    except ValueError:
+        found = _CLOCK.fullmatch(text) or _WORDS.fullmatch(text)
+        parts = found.groupdict() if found else {}
+        length = {"d": 86400, "h": 3600, "m": 60, "s": 1}
+        seconds = sum(length[unit] * float(number) for unit, number in parts.items() if number)
+    return seconds if 0 < seconds < math.inf else None
+
+
+def _wall_time_problems(wall_time: str | None) -> "list[Problem]":
+    if wall_time is None or _seconds_of(wall_time) is not None:
+        return []
+    rule, remedy = "needs a time above 0", "write seconds, e.g. 5400, or 1h30m, or 01:30:00"
+    return [_problem("--wall-time", wall_time, rule, remedy)]
 
 
 def _device_problems(device: str | None) -> "list[Problem]":
@@ -690,7 +738,7 @@ def _progress_bar() -> Iterator[Callable[[Any], None]]:
     """Callback that draws a bar on the terminal."""
     from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
 
-    with Progress(
+    progress = Progress(
         TextColumn("t {task.fields[time]}"),
         BarColumn(),
         TaskProgressColumn(),
@@ -699,7 +747,9 @@ def _progress_bar() -> Iterator[Callable[[Any], None]]:
             "{task.fields[left]} left"
         ),
         console=_console(),
-    ) as progress:
+    )
+    progress.start()
+    try:
         task = progress.add_task("", total=1.0, time="0 s", step="0", dt="?", mups="?", left="?")
 
         def show_progress(p: Any) -> None:
@@ -714,6 +764,11 @@ def _progress_bar() -> Iterator[Callable[[Any], None]]:
             )
 
         yield show_progress
+    finally:
+        try:
+            progress.stop()
+        except OSError:  # the run has been stopped because the terminal is gone
+            _forget_terminal()
 
 
 @contextmanager

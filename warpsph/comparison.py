@@ -37,7 +37,8 @@ their phase.
 `reduce: noise` is the root mean square of what is left of a column when a parabola, fitted by least squares to the rows
 within half a `span` of each row, is taken off there (the filter of Savitzky and Golay 1964). It passes what rings with
 periods up to the span and is blind to slower motion: of a sine it leaves 1.0 to 1.2 of the amplitude at periods of half a
-span or less, 0.24 at a whole span, 0.02 at two and 0.001 at four.
+span or less, 0.24 at a whole span, 0.02 at two and 0.001 at four. Of a curve it is that of the line through its points at
+the times of the gauge: a curve with fewer than eight points a span has lost what rings, and is not compared.
 """
 
 from __future__ import annotations
@@ -59,6 +60,8 @@ from warpsph.plot import read_segments
 from warpsph.snapshot import Snapshot
 
 Columns = dict[str, np.ndarray]
+
+_POINTS_A_SPAN = 8  # rows that a parabola with something left over needs
 
 
 class _NotComparable(Exception):
@@ -347,7 +350,8 @@ def noise(times: np.ndarray, values: np.ndarray, span: float) -> float:
         raise _NotComparable("not a finite number in the window")
     half = 0.5 * span * (1 + 1e-9)
     first, last = np.searchsorted(times, times - half), np.searchsorted(times, times + half, side="right")
-    whole = (times - times[0] >= half * (1 - 1e-8)) & (times[-1] - times >= half * (1 - 1e-8)) & (last - first >= 8)
+    whole = (times - times[0] >= half * (1 - 1e-8)) & (times[-1] - times >= half * (1 - 1e-8))
+    whole &= last - first >= _POINTS_A_SPAN
     if not whole.any():
         raise _NotComparable(f"noise needs eight rows within {span:g} s, and a window longer than that")
     left = []
@@ -430,7 +434,7 @@ def _curve(spec: Any, source: _Source) -> dict[str, Any]:
     times, values = times[covered], values[covered]
     reference = np.interp(times, known_times, known)
     if spec.reduce is not None:
-        return _reduced_curve(spec, times, values, reference, unit)
+        return _reduced_curve(spec, times, values, reference, unit, known_times)
     first = known[0]
     error, worst = _norm(values, reference, spec.norm, spec.relative_to, first)
     note = f"compared over {times[0]:g} to {times[-1]:g} s"
@@ -446,15 +450,23 @@ def _curve(spec: Any, source: _Source) -> dict[str, Any]:
 
 
 def _reduced_curve(
-    spec: Any, times: np.ndarray, values: np.ndarray, reference: np.ndarray, unit: str
+    spec: Any, times: np.ndarray, values: np.ndarray, reference: np.ndarray, unit: str, known_times: np.ndarray
 ) -> dict[str, Any]:
-    """A column and a curve at the same times, each reduced to one number in the same way."""
+    """A column and a curve at the same `times`, each reduced to one number in the same way.
+
+    known_times: those of the points of the curve [s]
+    """
     if spec.window is not None:
         slack = 1e-9 * spec.window[1] + 2 * float(np.diff(times).max(initial=0.0))
         if times[-1] < spec.window[1] - slack or times[0] > spec.window[0] + slack:
             raise _NotComparable(f"{spec.curve.file} does not cover the window: {times[0]:g} to {times[-1]:g} s of it alone")
-    known, _, _ = _reduced(spec.reduce, times, reference, unit)
-    value, unit, note = _reduced(spec.reduce, times, values, unit)
+    if spec.reduce == "noise":
+        _check_dense(spec, known_times[(known_times >= times[0]) & (known_times <= times[-1])])
+        known, value = noise(times, reference, spec.span), noise(times, values, spec.span)
+        note = f"about parabolas of {spec.span:g} s"
+    else:
+        known, _, _ = _reduced(spec.reduce, times, reference, unit)
+        value, unit, note = _reduced(spec.reduce, times, values, unit)
     note = "; ".join(filter(None, [f"over {times[0]:g} to {times[-1]:g} s", note]))
     result = {"value": value, "reference": known, "unit": unit}
     if spec.relative_to == "absolute":
@@ -462,6 +474,13 @@ def _reduced_curve(
     if known == 0.0:
         raise _NotComparable("the reference is 0: nothing can be relative to it; relative_to: absolute")
     return {**result, "error": (value - known) / known, "note": note}
+
+
+def _check_dense(spec: Any, known_times: np.ndarray) -> None:
+    """Raise _NotComparable if a curve has too few points, at these times [s], to show noise."""
+    each = len(known_times) * spec.span / np.ptp(known_times) if len(known_times) > 1 else 0.0
+    if each < _POINTS_A_SPAN:
+        raise _NotComparable(f"{spec.curve.file} has {each:.2g} points within {spec.span:g} s: noise needs eight")
 
 
 def _known_curve(spec: Any, case: Any) -> tuple[np.ndarray, np.ndarray]:

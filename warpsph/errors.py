@@ -8,6 +8,7 @@
 | `OutputError` | 4 | results cannot be written |
 | `CapacityError` | 5 | a fixed-size list is full and cannot grow |
 | - | 6 | `validate` is done, but a reference was missed or a run failed |
+| `WallTimeReached` | 7 | the run used up its wall time; the state is in a checkpoint |
 | `Interrupted` | 130 | the user stopped the run |
 """
 
@@ -26,6 +27,7 @@ __all__ = [
     "Interrupted",
     "OutputError",
     "Problem",
+    "WallTimeReached",
     "WarpsphError",
     "listed",
     "short",
@@ -215,6 +217,12 @@ class Interrupted(WarpsphError):
     """The user stopped the run; the output in progress was finished first."""
 
     exit_code = 130
+
+
+class WallTimeReached(Interrupted):
+    """The run stopped at the end of the wall time that it was given; the output in progress was finished first."""
+
+    exit_code = 7
 
 
 def _rebuild(kind: Any, message: str, keywords: dict[str, Any]) -> Any:

@@ -63,10 +63,14 @@ def draw_validation(folder: Path, case: Case, title: str, output: Path) -> Path:
 
     shown = case.validation.figure
     field = shown.field if shown is not None else "phase" if len(case.phases) > 1 else "speed"
+    phases = plot.shown_phases(case.phase_names, None if shown is None else shown.phases)
     series, walls = plot.read_series(folder)
     times = shown.times if shown is not None and shown.times is not None else _four(series.frames)
-    frames = [plot.read_frame(series, walls, frame) for frame in plot.choose_frames(series.frames, times)]
+    # A run that ended early is shown as far as it came.
+    reached = np.clip(times, series.frames[0][0], series.frames[-1][0]).tolist()
+    frames = [plot.read_frame(series, walls, frame) for frame in plot.choose_frames(series.frames, reached)]
     view = plot.view_of(*_corners(frames, case), frames[0].fluid.particle_spacing, None)
+    frames = [view.cut(frame).only(phases) for frame in frames]
     panels = _panels_of(compared(case, folder))
 
     columns, size = _arrange(len(frames), view.aspect)
@@ -128,10 +132,9 @@ def _arrange(count: int, aspect: float) -> tuple[int, float]:
 
 
 def _draw_particles(
-    figure: FigureBase, columns: int, frames: list[plot.Frame], view: plot.View, field: str, case: Case
+    figure: FigureBase, columns: int, cuts: list[plot.Frame], view: plot.View, field: str, case: Case
 ) -> None:
-    """One panel a frame, with the reference interface of its time where the case names one."""
-    cuts = [view.cut(frame) for frame in frames]
+    """One panel a frame, cut to the view, with the reference interface of its time where the case names one."""
     fields = [_field(cut, view, field) for cut in cuts]
     scale = plot.scale_of(field, np.concatenate(fields))
     rows = math.ceil(len(cuts) / columns)
@@ -140,11 +143,7 @@ def _draw_particles(
         unused.remove()
     axes = axes[: len(cuts)]
     for panel, cut, values in zip(axes, cuts, fields, strict=True):
-        if cut.wall is not None:
-            plot.draw_discs(panel, view.place(cut.wall), view.spacing, color=plot.WALL_COLOUR)
-        plot.draw_discs(
-            panel, view.place(cut.fluid), view.spacing, array=values, cmap=scale.colours, norm=scale.norm
-        )
+        plot.draw_frame(panel, view, cut, values, scale)
         for line in _interfaces(case, cut.time):
             plot.draw_segments(panel, line)
         plot.set_axes(panel, view)

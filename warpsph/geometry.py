@@ -480,8 +480,9 @@ class _Walls:
         """Fill the layers beyond those sides of the domain that are walls.
 
         A cell beyond two or three walls at once (edges and corners) obeys the no-slip ones among them, all of
-        them if none is no-slip: it takes their velocity if they agree on it, else zero. It is counted to the
-        body of the wall that it lies deepest behind.
+        them if none is no-slip. It has the sum of their velocities: each wall goes on beyond the edge, so that for fluid
+        beside it what moves along it cancels out in the divergence, above and below. It is counted to the body of the
+        wall that it lies deepest behind.
         """
         lattice, d = self.lattice, self.lattice.dimension
         # per axis, for each layer of cells: how far beyond a wall it is (in layers, 0 if it is not), and
@@ -517,15 +518,8 @@ class _Walls:
         decides = np.where(any_no_slip[:, None], no_slip, behind > 0)
 
         velocity = np.zeros((len(behind), d))
-        agree = np.ones(len(behind), dtype=np.bool_)
-        seen = np.zeros(len(behind), dtype=np.bool_)
         for k in range(d):
-            here = decides[:, k]
-            own = speeds[k][cells[k]]
-            agree &= ~(here & seen) | np.all(own == velocity, axis=1)
-            velocity = np.where((here & ~seen)[:, None], own, velocity)
-            seen |= here
-        velocity = np.where(agree[:, None], velocity, 0.0)
+            velocity += np.where(decides[:, k, None], speeds[k][cells[k]], 0.0)
 
         deepest = np.argmax(2 * behind + no_slip, axis=1)  # among equals a no-slip wall, then the first axis
         body = np.choose(deepest, [bodies[k][cells[k]] for k in range(d)])

@@ -2,7 +2,7 @@
 
 The frames are read one at a time, first to find the part of the scene and the colour scale that all of them
 share, then to draw them. Axes, labels and colour bar are drawn once; each frame is that background with the
-particles on it: as discs up to MOST_DISCS of them, else pixel by pixel.
+particles on it: in 2-D as discs up to MOST_DISCS of them, else pixel by pixel.
 """
 
 from __future__ import annotations
@@ -29,11 +29,14 @@ from warpsph.plot import (
     corners_of,
     draw_discs,
     draw_segments,
+    nearest_particles,
     phase_names,
     read_frame,
     read_series,
     scale_of,
     set_axes,
+    shown_phases,
+    slice_picture,
     values_of,
     view_of,
 )
@@ -67,6 +70,7 @@ def make_movie(
     fps: float = 10.0,
     slice_axis: str | None = None,
     over: np.ndarray | None = None,
+    phases: Sequence[str] | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Path:
     """Write a movie of the particles of a run, one colour scale for all frames; return its path.
@@ -76,10 +80,10 @@ def make_movie(
     field: as in `plot_run`
     times: s; of slice(T1, T2) the frames from T1 to T2, else the frames nearest to each (default: every frame)
     fps: frames shown in a second
-    slice_axis, over: as in `plot_run`
+    slice_axis, over, phases: as in `plot_run`
     progress: called with the number of frames done and of all
 
-    Raises CaseError if there is no such run, field or time in it, or no such kind of movie can be made;
+    Raises CaseError if there is no such run, field, time or phase in it, or no such kind of movie can be made;
     OutputError if a file cannot be read or written, or ffmpeg fails.
     """
     folder, path = Path(folder), Path(path)
@@ -92,9 +96,12 @@ def make_movie(
     def read() -> Iterator[Frame]:
         return (read_frame(series, walls, frame) for frame in frames)
 
+    names = phase_names(folder)
+    shown = shown_phases(names, phases)
     view = _common_view(read(), slice_axis)
-    scale = scale_of(field, np.concatenate([_sample(values_of(view.cut(frame).fluid, field)) for frame in read()]))
-    painter = _Painter(view, scale, phase_names(folder), _clock([time for time, _ in frames]), over)
+    samples = [_sample(values_of(view.cut(frame).only(shown).fluid, field)) for frame in read()]
+    scale = scale_of(field, np.concatenate(samples))
+    painter = _Painter(view, scale, names, _clock([time for time, _ in frames]), over)
     encoder = _Gif if path.suffix.lower() == ".gif" else _Mp4
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -102,7 +109,7 @@ def make_movie(
         raise write_failure(path, error) from error
     with whole_file(path) as temporary, encoder(temporary, path, painter.size, fps, scale) as movie:
         for number, frame in enumerate(read(), 1):
-            movie.add(painter.paint(view.cut(frame)))
+            movie.add(painter.paint(view.cut(frame).only(shown)))
             if progress is not None:
                 progress(number, len(frames))
         movie.finish()
@@ -209,7 +216,7 @@ class _Painter:
         self._canvas.restore_region(self._background)
         values = values_of(frame.fluid, self.scale.field)
         walls = 0 if frame.wall is None else len(frame.wall)
-        if len(values) + walls <= MOST_DISCS:
+        if self.view.middle is None and len(values) + walls <= MOST_DISCS:
             self._discs(frame, values)
         else:
             self._set_pixels(frame, values)
@@ -236,22 +243,13 @@ class _Painter:
         self._panel.draw_artist(self._fluid)
 
     def _set_pixels(self, frame: Frame, values: np.ndarray) -> None:
-        from matplotlib import colormaps
-        from matplotlib.colors import to_rgba
-
-        view = self.view
+        view, colours = self.view, self.scale.rgba(values)
         box = self._panel.bbox
         shape = max(round(box.height), 1), max(round(box.width), 1)
-        picture = np.zeros((*shape, 4), np.uint8)  # clear
-        colours = self.scale.colours
-        colour_map = colormaps[colours] if isinstance(colours, str) else colours
-        grey = np.array([to_rgba(WALL_COLOUR)]) * 255
-        parts: list[tuple[Any, Any]] = [(frame.fluid, colour_map(self.scale.norm(values), bytes=True))]
-        if frame.wall is not None:
-            parts.insert(0, (frame.wall, np.broadcast_to(grey.astype(np.uint8), (len(frame.wall), 4))))
-        for part, colour in parts:
-            owner = nearest_particles(view.place(part), view.lower, view.upper, shape, CELL * view.spacing)
-            picture[owner >= 0] = colour[owner[owner >= 0]]
+        if view.middle is None:
+            picture = _flat_picture(view, frame, colours, shape)
+        else:
+            picture = slice_picture(view, frame, colours, shape)
         if self._pixels is None:
             extent = (view.lower[0], view.upper[0], view.lower[1], view.upper[1])
             self._pixels = self._panel.imshow(
@@ -261,43 +259,19 @@ class _Painter:
         self._panel.draw_artist(self._pixels)
 
 
-def nearest_particles(
-    position: np.ndarray, lower: np.ndarray, upper: np.ndarray, shape: tuple[int, int], radius: float
-) -> np.ndarray:
-    """(rows, columns) index of the particle nearest to the centre of each pixel, -1 where none is within `radius`.
+def _flat_picture(view: View, frame: Frame, colours: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
+    """(rows, columns, 4) uint8 picture of a 2-D frame, the fluid over the walls; colours (n, 4) uint8 of the fluid."""
+    from matplotlib.colors import to_rgba
 
-    position: (n, 2) [m]; those that are not finite are nowhere
-    lower, upper: corners of the picture [m]; row 0 is at the bottom
-    radius: of a particle [m]; it owns at least the pixel that it is in, unless another is nearer
-    """
-    rows, columns = shape
-    # in pixels, centres at whole numbers
-    place = (position - lower) / (upper - lower) * (columns, rows) - 0.5
-    reach = max(radius * max(columns / (upper[0] - lower[0]), rows / (upper[1] - lower[1])), math.sqrt(0.5))
-    with np.errstate(invalid="ignore"):
-        near = np.flatnonzero(((place > -1 - reach) & (place < np.array([columns, rows]) + reach)).all(axis=1))
-    place = place[near]
-    home = np.rint(place).astype(np.int64)
-    best = np.full(rows * columns, np.inf, np.float32)
-    owner = np.full(rows * columns, -1, np.int64)
-    limit = np.float32(reach * reach * (1 + 1e-5))
-
-    def candidates() -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
-        """Particles, pixels and the squares of their distances, for one offset from the home pixel at a time."""
-        width = math.ceil(reach)
-        for up in range(-width, width + 1):
-            for right in range(-width, width + 1):
-                column, row = home[:, 0] + right, home[:, 1] + up
-                distance = ((column - place[:, 0]) ** 2 + (row - place[:, 1]) ** 2).astype(np.float32)
-                inside = (distance <= limit) & (column >= 0) & (column < columns) & (row >= 0) & (row < rows)
-                yield np.flatnonzero(inside), (row * columns + column)[inside], distance[inside]
-
-    for _, pixel, distance in candidates():
-        np.minimum.at(best, pixel, distance)
-    for particle, pixel, distance in candidates():
-        wins = distance == best[pixel]
-        owner[pixel[wins]] = near[particle[wins]]
-    return owner.reshape(rows, columns)
+    picture = np.zeros((*shape, 4), np.uint8)  # clear
+    grey = np.array([to_rgba(WALL_COLOUR)]) * 255
+    parts: list[tuple[Any, Any]] = [(frame.fluid, colours)]
+    if frame.wall is not None:
+        parts.insert(0, (frame.wall, np.broadcast_to(grey.astype(np.uint8), (len(frame.wall), 4))))
+    for part, colour in parts:
+        owner = nearest_particles(view.place(part), view.lower, view.upper, shape, CELL * view.spacing)
+        picture[owner >= 0] = colour[owner[owner >= 0]]
+    return picture
 
 
 # ---- files -----------------------------------------------------------------------------------------------

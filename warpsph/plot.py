@@ -3,7 +3,7 @@
 import csv
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -30,8 +30,12 @@ _DERIVED_UNITS = {"vorticity": "1/s"}  # of fields that no particle file holds
 _AXES = "xyz"
 WALL_COLOUR = "0.75"
 DISC = 2 / math.sqrt(math.pi)  # diameter / spacing of a disc as large as a particle's share of the plane
+_LEGEND = 0.12  # share of the height of a figure that a phase takes in the legend
+_SLICE = 1.5  # spacings from a particle to the parts of a slice that can belong to it
+_SLICE_PIXELS = 16, 1200  # of a spacing, and along the longer side of a slice at most
 _LONGEST_CURVE = 5000  # points; more than a picture can show
 _MOST_CURVES = 8  # in one panel
+_ROUNDED = 1e-3  # share of the last time by which a time that is asked for may lie beyond it
 
 
 def plot_run(
@@ -41,21 +45,23 @@ def plot_run(
     output: Path | str | None = None,
     slice_axis: str | None = None,
     over: np.ndarray | None = None,
+    phases: Sequence[str] | None = None,
 ) -> list[Path]:
     """Draw the particles of a run at some times and the curves of its gauges; return the PNG files written.
 
     folder: run folder
     field: a scalar field of the particle files, a component of a vector (velocity_x), or the magnitude of a
         vector (velocity; speed is the same)
-    times: s; for each the nearest frame is drawn, of slice(T1, T2) every frame from T1 to T2 (default: the first,
-        the middle and the last frame)
+    times: s, within those of the run; for each the nearest frame is drawn, of slice(T1, T2) every frame from T1 to T2
+        (default: the first, the middle and the last frame)
     output: PNG of the particles (default: plots/<field>.png in the run folder); the gauges go beside it, to
         <output>_gauges.png (default: plots/gauges.png)
     slice_axis: "x", "y" or "z": in 3-D the axis that the slice through the middle is normal to (default: the
         shortest side of the scene)
     over: (n, 2, 2) segments that are drawn over the particles of every frame, see `read_segments` [m]
+    phases: names of the phases that are drawn, the others are left white (default: all)
 
-    Raises CaseError if there is no such run or no such field or time in it, OutputError if a file cannot be read
+    Raises CaseError if there is no such run or no such field, time or phase in it, OutputError if a file cannot be read
     or written.
     """
     folder = Path(folder)
@@ -74,8 +80,10 @@ def plot_run(
         frames[0].fluid.particle_spacing,
         slice_axis,
     )
-    frames = [view.cut(frame) for frame in frames]
-    written = [_save(_draw_particles(frames, view, field, phase_names(folder), over), particles_png)]
+    names = phase_names(folder)
+    shown = shown_phases(names, phases)
+    frames = [view.cut(frame).only(shown) for frame in frames]
+    written = [_save(_draw_particles(frames, view, field, names, over), particles_png)]
     curves = _draw_gauges(sorted((folder / "gauges").glob("*.csv")))
     if curves is not None:
         written.append(_save(curves, gauges_png))
@@ -89,6 +97,15 @@ class Frame:
     time: float  # s
     fluid: Snapshot
     wall: Snapshot | None
+
+    def only(self, phases: Sequence[int] | None) -> "Frame":
+        """The frame without the fluid of other phases, given by their numbers; None takes all."""
+        if phases is None:
+            return self
+        if not _written(self.fluid, "phase"):
+            remedy = "run again with phase in output.particles.fields, or draw all of them"
+            raise CaseError([Problem("phases", list(phases), "the particle files of this run hold no phase", remedy)])
+        return Frame(self.time, self.fluid.select(np.isin(self.fluid.phase, phases)), self.wall)
 
 
 # ---- reading ---------------------------------------------------------------------------------------------
@@ -113,7 +130,7 @@ def choose_frames(
 ) -> list[tuple[float, str]]:
     """The frames nearest to `times` [s], each once and in order of time; of a slice(T1, T2) all from T1 to T2.
 
-    Raises CaseError if no frame is within the slice.
+    Raises CaseError if a time is before the first frame or after the last one, or no frame is within the slice.
     """
     stored = np.array([time for time, _ in frames])
     if times is None:
@@ -127,6 +144,13 @@ def choose_frames(
             remedy = f"the run has frames from {stored[0]:g} to {stored[-1]:g} s"
             raise CaseError([Problem("times", given, "no frame of the run is within", remedy)])
     else:
+        # A time may be rounded as the titles of pictures are.
+        slack = _ROUNDED * float(np.abs(stored).max())
+        beyond = [time for time in times if not stored[0] - slack <= time <= stored[-1] + slack]
+        if beyond:
+            given = ",".join(f"{time:g}" for time in beyond)
+            remedy = f"the run has frames from {stored[0]:g} to {stored[-1]:g} s"
+            raise CaseError([Problem("times", given, "no frame of the run is near", remedy)])
         chosen = {int(np.argmin(np.abs(stored - time))) for time in times}
     return [frames[index] for index in sorted(chosen)]
 
@@ -146,6 +170,17 @@ def phase_names(folder: Path) -> list[str]:
         return list(read_yaml((folder / "case.yaml").read_text(encoding="utf-8"))["phases"])
     except (OSError, ValueError, LookupError, TypeError, CaseError):
         return []
+
+
+def shown_phases(names: Sequence[str], phases: Sequence[str] | None) -> list[int] | None:
+    """Numbers of the phases that are to be drawn, None for all. Raises CaseError for a name that is none of `names`."""
+    if phases is None:
+        return None
+    unknown = [phase for phase in phases if phase not in names]
+    if unknown or not phases:
+        remedy = f"choose from: {', '.join(names)}" if names else "leave it out: the run's case.yaml cannot be read"
+        raise CaseError([Problem("phases", ",".join(unknown), "is no phase of this run", remedy)])
+    return sorted(names.index(phase) for phase in phases)
 
 
 # ---- geometry --------------------------------------------------------------------------------------------
@@ -187,16 +222,21 @@ class View:
         return "" if self.middle is None else f"slice at {_AXES[3 - sum(self.axes)]} = {self.middle:.4g} m"
 
     def cut(self, frame: Frame) -> Frame:
-        """The particles of a frame within half a spacing of the slice; in 2-D the frame as it is."""
+        """The particles of a frame that the slice may meet; in 2-D the frame as it is."""
         if self.middle is None:
             return frame
-        axis, middle = 3 - sum(self.axes), self.middle
-        half = 0.5 * self.spacing * (1 + 1e-5)
+        reach = _SLICE * self.spacing
 
         def part(of: Snapshot) -> Snapshot:
-            return of.select(np.abs(of.position[:, axis] - middle) <= half)
+            return of.select(np.abs(self.depth(of)) <= reach)
 
         return Frame(frame.time, part(frame.fluid), None if frame.wall is None else part(frame.wall))
+
+    def depth(self, part: Snapshot) -> np.ndarray:
+        """(n,) distances from the slice, signed [m]; 0 in 2-D."""
+        if self.middle is None:
+            return np.zeros(len(part))
+        return np.asarray(part.position[:, 3 - sum(self.axes)] - self.middle)
 
     def place(self, part: Snapshot) -> np.ndarray:
         """(n, 2) positions in the picture [m]."""
@@ -265,16 +305,28 @@ class ColourScale:
     norm: Any  # matplotlib's Normalize
     extend: str  # which ends are open: neither, min, max or both
 
+    def rgba(self, values: np.ndarray) -> np.ndarray:
+        """(n, 4) uint8 colours of values (n,)."""
+        from matplotlib import colormaps
+
+        colours = colormaps[self.colours] if isinstance(self.colours, str) else self.colours
+        return np.asarray(colours(self.norm(values), bytes=True))
+
     def bar(self, figure: "FigureBase", axes: "list[Axes]", view: View, names: list[str]) -> None:
         """Draw the colour bar of some panels; `names` are those of the phases."""
         from matplotlib.cm import ScalarMappable
         from matplotlib.colors import BoundaryNorm
 
-        bar = figure.colorbar(ScalarMappable(self.norm, self.colours), ax=axes, extend=self.extend, aspect=30)
-        bar.set_label(_label(self.field, flat=view.middle is None))
-        if isinstance(self.norm, BoundaryNorm):
+        mappable = ScalarMappable(self.norm, self.colours)
+        if not isinstance(self.norm, BoundaryNorm):
+            bar = figure.colorbar(mappable, ax=axes, extend=self.extend, aspect=30)
+        else:  # a legend: one short field a phase
+            count = len(self.norm.boundaries) - 1
+            share = min(1.0, _LEGEND * count)
+            bar = figure.colorbar(mappable, ax=axes, shrink=share, aspect=30 * share, drawedges=True)
             ticks = range(int(self.norm.boundaries[0] + 0.5), int(self.norm.boundaries[-1] + 0.5))
             bar.set_ticks(list(ticks), labels=[names[k] if k < len(names) else str(k) for k in ticks])
+        bar.set_label(_label(self.field, flat=view.middle is None))
 
 
 def scale_of(field: str, values: np.ndarray) -> ColourScale:
@@ -300,11 +352,7 @@ def _draw_particles(
     scale = scale_of(field, np.concatenate(fields))
     figure, axes = _panels(len(frames), view.aspect)
     for panel, frame, values in zip(axes, frames, fields, strict=True):
-        if frame.wall is not None:
-            draw_discs(panel, view.place(frame.wall), view.spacing, color=WALL_COLOUR)
-        draw_discs(
-            panel, view.place(frame.fluid), view.spacing, array=values, cmap=scale.colours, norm=scale.norm
-        )
+        draw_frame(panel, view, frame, values, scale)
         if over is not None:
             draw_segments(panel, over)
         set_axes(panel, view)
@@ -313,6 +361,24 @@ def _draw_particles(
     if view.note:
         figure.suptitle(view.note)
     return figure
+
+
+def draw_frame(panel: "Axes", view: View, frame: Frame, values: np.ndarray, scale: ColourScale) -> None:
+    """Draw a frame that is cut to the view: in 2-D its particles as discs, in 3-D what the slice meets.
+
+    values: (n,) of the fluid's particles, in the colours of the scale
+    """
+    if view.middle is None:
+        if frame.wall is not None:
+            draw_discs(panel, view.place(frame.wall), view.spacing, color=WALL_COLOUR)
+        draw_discs(panel, view.place(frame.fluid), view.spacing, array=values, cmap=scale.colours, norm=scale.norm)
+        return
+    width, height = view.upper - view.lower
+    pixels = min(_SLICE_PIXELS[0] / view.spacing, _SLICE_PIXELS[1] / max(width, height))  # of a metre
+    shape = max(round(height * pixels), 1), max(round(width * pixels), 1)
+    picture = slice_picture(view, frame, scale.rgba(values), shape)
+    extent = (view.lower[0], view.upper[0], view.lower[1], view.upper[1])
+    panel.imshow(picture, extent=extent, origin="lower", interpolation="nearest")
 
 
 def _panels(count: int, aspect: float) -> "tuple[Figure, list[Axes]]":
@@ -345,6 +411,95 @@ def draw_discs(panel: "Axes", position: np.ndarray, spacing: float, **style: Any
     return discs
 
 
+def nearest_particles(
+    position: np.ndarray,
+    lower: np.ndarray,
+    upper: np.ndarray,
+    shape: tuple[int, int],
+    radius: float,
+    depth: np.ndarray | None = None,
+) -> np.ndarray:
+    """(rows, columns) index of the particle nearest to the centre of each pixel, -1 where none is within `radius`.
+
+    position: (n, 2) [m]; those that are not finite are nowhere
+    lower, upper: corners of the picture [m]; row 0 is at the bottom
+    radius: of a particle [m]; it owns at least the pixel that it is in, unless another is nearer
+    depth: (n,) distance of the particles from the plane of the picture [m]; without it they lie in it
+    """
+    rows, columns = shape
+    # in pixels, centres at whole numbers
+    place = (position - lower) / (upper - lower) * (columns, rows) - 0.5
+    per_metre = max(columns / (upper[0] - lower[0]), rows / (upper[1] - lower[1]))
+    reach = max(radius * per_metre, math.sqrt(0.5))
+    with np.errstate(invalid="ignore"):
+        near = np.flatnonzero(((place > -1 - reach) & (place < np.array([columns, rows]) + reach)).all(axis=1))
+    place = place[near]
+    beyond = np.zeros(len(near)) if depth is None else (depth[near] * per_metre) ** 2
+    home = np.rint(place).astype(np.int64)
+    best = np.full(rows * columns, np.inf, np.float32)
+    owner = np.full(rows * columns, -1, np.int64)
+    limit = np.float32(reach * reach * (1 + 1e-5))
+
+    def candidates() -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+        """Particles, pixels and the squares of their distances, for one offset from the home pixel at a time."""
+        width = math.ceil(reach)
+        for up in range(-width, width + 1):
+            for right in range(-width, width + 1):
+                column, row = home[:, 0] + right, home[:, 1] + up
+                distance = ((column - place[:, 0]) ** 2 + (row - place[:, 1]) ** 2 + beyond).astype(np.float32)
+                inside = (distance <= limit) & (column >= 0) & (column < columns) & (row >= 0) & (row < rows)
+                yield np.flatnonzero(inside), (row * columns + column)[inside], distance[inside]
+
+    for _, pixel, distance in candidates():
+        np.minimum.at(best, pixel, distance)
+    for particle, pixel, distance in candidates():
+        wins = distance == best[pixel]
+        owner[pixel[wins]] = near[particle[wins]]
+    return owner.reshape(rows, columns)
+
+
+def slice_owner(view: View, frame: Frame, shape: tuple[int, int]) -> np.ndarray:
+    """(rows, columns) which particle of a frame, cut to the view, the slice meets in each pixel; -1 where none.
+
+    Of a thin layer of centres a disordered fluid would show holes that are none: what fills them lies a little beside the
+    plane. Each pixel belongs to the particle nearest to it in space. Holes into which a ball of _SLICE spacings radius does
+    not fit are closed, which is less than a particle sees around it; a surface is half a spacing outside of the outermost
+    particles.
+
+    The fluid's particles count from 0, those of the walls go on behind them. Row 0 is at the bottom.
+    """
+    parts = [frame.fluid] if frame.wall is None else [frame.fluid, frame.wall]
+    position = np.concatenate([view.place(part) for part in parts])
+    depth = np.concatenate([view.depth(part) for part in parts])
+    # So far beyond the picture that what is empty around the scene is seen.
+    size = (view.upper - view.lower) / (shape[1], shape[0])
+    rim = math.ceil(_SLICE * view.spacing / size.min()) + 1
+    lower, upper = view.lower - rim * size, view.upper + rim * size
+    wide = shape[0] + 2 * rim, shape[1] + 2 * rim
+    owner = nearest_particles(position, lower, upper, wide, _SLICE * view.spacing, depth)
+    # Reaching so far closes holes, and pushes surfaces out by the same length: the latter is taken back from what is empty.
+    full = np.pad(owner >= 0, 1)
+    shore = ~full[1:-1, 1:-1] & (full[2:, 1:-1] | full[:-2, 1:-1] | full[1:-1, 2:] | full[1:-1, :-2])
+    row, column = np.nonzero(shore)
+    empty = lower + (np.column_stack([column, row]) + 0.5) * size
+    owner[nearest_particles(empty, lower, upper, wide, (_SLICE - 0.5) * view.spacing) >= 0] = -1
+    return owner[rim : rim + shape[0], rim : rim + shape[1]]
+
+
+def slice_picture(view: View, frame: Frame, colours: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
+    """(rows, columns, 4) uint8 picture of the slice of a frame that is cut to the view.
+
+    colours: (n, 4) uint8 of the fluid's particles; walls are grey
+    """
+    from matplotlib.colors import to_rgba
+
+    grey = np.round(255 * np.array(to_rgba(WALL_COLOUR))).astype(np.uint8)
+    walls = 0 if frame.wall is None else len(frame.wall)
+    # One more row, clear, is what the owner -1 finds.
+    table = np.concatenate([colours, np.broadcast_to(grey, (walls, 4)), np.zeros((1, 4), np.uint8)])
+    return table[slice_owner(view, frame, shape)]
+
+
 def _colour_scale(values: np.ndarray) -> tuple[str, Any, str]:
     """Colour map, scale and which ends are open; a few extreme particles do not stretch the scale."""
     from matplotlib.colors import Normalize
@@ -375,8 +530,8 @@ def _phase_colours(values: np.ndarray) -> tuple[Any, Any]:
     from matplotlib.colors import BoundaryNorm, ListedColormap
 
     low, high = (int(values.min()), int(values.max())) if len(values) else (0, 0)
-    palette = colormaps["tab10"]
-    colours = ListedColormap([palette(k % 10) for k in range(low, high + 1)])
+    palette = colormaps["tab10" if high < 10 else "tab20"]
+    colours = ListedColormap([palette(k % palette.N) for k in range(low, high + 1)])
     return colours, BoundaryNorm(np.arange(low - 0.5, high + 1.0), high - low + 1)
 
 
@@ -497,13 +652,27 @@ def _draw_gauges(paths: list[Path]) -> "Figure | None":
         return None
     figure, axes = _panels(len(panels), 0.6)
     for drawn, panel in zip(axes, panels, strict=True):
-        for label, (x, y) in panel.curves.items():
+        for (label, (x, y)), style in zip(panel.curves.items(), _line_styles(len(panel.curves)), strict=True):
             every = max(1, math.ceil(len(x) / _LONGEST_CURVE))
-            drawn.plot(x[::every], y[::every], label=label, linewidth=1.2, marker="." if len(x) < 3 else None)
+            drawn.plot(x[::every], y[::every], label=label, linewidth=1.2, marker="." if len(x) < 3 else None, **style)
         drawn.set(title=panel.title, xlabel=panel.x_label, ylabel=panel.y_label)
         drawn.grid(alpha=0.3)
-        drawn.legend(fontsize="small")
+        if len(panel.curves) <= _MOST_CURVES:
+            drawn.legend(fontsize="small")
+        else:  # a legend this long would hide the curves
+            drawn.legend(fontsize="x-small", loc="upper left", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.2)
     return figure
+
+
+def _line_styles(count: int) -> list[dict[str, Any]]:
+    """How the curves of a panel are drawn: no two in the same colour, of many neighbours in other dashes too."""
+    from matplotlib import colormaps
+
+    if count <= 10:
+        return [{"color": f"C{k}"} for k in range(count)]
+    colours = colormaps["turbo"](np.linspace(0.02, 0.98, count))
+    dashes = ("-", "--", ":", "-.")
+    return [{"color": tuple(colour), "linestyle": dashes[k % 4]} for k, colour in enumerate(colours)]
 
 
 def _gauge_panels(path: Path) -> list[_Panel]:

@@ -8,7 +8,7 @@ The loop, in words:
         step to the next moment at which something is due, in portions of about half a second
             after each portion: report progress; stop on a fault
         gauges, particles, checkpoint: each where due, in this order, handed to a writer thread as copies
-        after Ctrl-C: a checkpoint, and stop
+        after Ctrl-C, or when the wall time is over: a checkpoint, and stop
     write the last checkpoint and particles, compare with the references, write summary.json
 
 A checkpoint is queued behind everything else that is due at its time, and the writer keeps that order: what a
@@ -34,7 +34,16 @@ import numpy as np
 
 from warpsph import checkpoint
 from warpsph.comparison import compare, format_comparison
-from warpsph.errors import CaseError, DivergenceError, Interrupted, OutputError, Problem, WarpsphError, short
+from warpsph.errors import (
+    CaseError,
+    DivergenceError,
+    Interrupted,
+    OutputError,
+    Problem,
+    WallTimeReached,
+    WarpsphError,
+    short,
+)
 from warpsph.gauges import GaugeSet, PhaseEos
 from warpsph.geometry import build
 from warpsph.output import RunFolder, Schedule, Writer
@@ -81,13 +90,16 @@ class Simulation:
         device: Warp device name, "cpu" or "cuda:0".
         threads: threads of a CPU device (default: all processors).
         restart: checkpoint file, its folder, or a run folder to go on from.
+        wall_time: s after which the run stops with a checkpoint, counted from here; of a second `run` from its call
+            (default: no limit). It is looked at about twice a second, after at least one step; the last checkpoint
+            and the summary take what they take on top of it.
 
     A restart that writes into the folder of its checkpoint continues the files there and drops what is later
     than the checkpoint; another folder must be new or empty, and starts at the time of the checkpoint.
 
     Raises:
-        CaseError: the case is wrong, the device does not exist, the checkpoint does not fit the case, or with an output
-            folder there is nothing left to compute after the checkpoint.
+        CaseError: the case is wrong, the device does not exist, the checkpoint does not fit the case, `wall_time` is not above
+            0, or with an output folder there is nothing left to compute after the checkpoint.
         OutputError: the output folder cannot be used.
         CapacityError: the neighbour list cannot hold the particles of the start.
 
@@ -104,11 +116,14 @@ class Simulation:
         device: str = "cpu",
         threads: int | None = None,
         restart: Path | str | None = None,
+        wall_time: float | None = None,
     ) -> None:
         from warpsph.case_file import as_case
         from warpsph.model import Model, quiet_warp
 
         begin = time.perf_counter()
+        self._wall_time = _checked_wall_time(wall_time)
+        self._deadline = begin + self._wall_time
         quiet_warp()
         _check_device(device)
         case = as_case(case)
@@ -247,13 +262,16 @@ class Simulation:
             DivergenceError: the state became non-finite or ran away; the last good checkpoint is kept.
             CapacityError: the neighbour list cannot grow any further.
             OutputError: results cannot be written.
-            Interrupted: Ctrl-C; the state is in a checkpoint.
+            Interrupted: Ctrl-C, or the system asked to end (SIGTERM, SIGHUP); the state is in a checkpoint.
+            WallTimeReached: the `wall_time` is over; the state is in a checkpoint.
         """
         if self.folder is not None and self.summary:
             raise WarpsphError(
                 f"{self.folder.path}: this run is over; make a new Simulation with restart= to go on"
             )
         begin = time.perf_counter()
+        if self.summary:
+            self._deadline = begin + self._wall_time
         status, failure, self._signal = "failed", None, ""
         with self._watch_signals(), self._writer() as writer:
             try:
@@ -286,7 +304,7 @@ class Simulation:
             self._step_to(target, meter, writer)
             # also before a stop: a restart takes what is due at its time as written
             self._record(writer, frames)
-            if self._signal:
+            if self._signal or (self._is_late() and not _reached(self.model.time, end)):
                 self._stop(writer)
             if saves.due(self.model.time) and not _reached(self.model.time, end):
                 self._save(writer)
@@ -300,7 +318,7 @@ class Simulation:
         meter.report(last=True)
 
     def _step_to(self, target: float, meter: _Meter, writer: Writer | None) -> None:
-        """Step until the target time, or until a signal asks to stop."""
+        """Step until the target time, or until a signal asks to stop or the wall time is over."""
         from warpsph.kernels import clock as ck
 
         stepper = self.model.stepper
@@ -310,17 +328,22 @@ class Simulation:
             if counters[ck.FAULT] == ck.FAULT_STATE:
                 self._fail(int(counters[ck.FAULT_PARTICLE]), writer)
             meter.report()
-            if self._signal or _reached(float(clock[ck.TIME]), target):
+            if self._signal or self._is_late() or _reached(float(clock[ck.TIME]), target):
                 return
 
+    def _is_late(self) -> bool:
+        """Whether the wall time is over."""
+        return time.perf_counter() >= self._deadline
+
     def _stop(self, writer: Writer | None) -> None:
-        """Save the state, wait until it is on the disk, and raise Interrupted."""
-        text = f"stopped by {self._signal} at t = {self.model.time:.6g} s (step {self.model.steps})"
+        """Save the state, wait until it is on the disk, and raise Interrupted or WallTimeReached."""
+        reason = f"by {self._signal}" if self._signal else f"after {self._wall_time:g} s of wall time"
+        text = f"stopped {reason} at t = {self.model.time:.6g} s (step {self.model.steps})"
         if writer is not None and self.folder is not None:
             self._save(writer)
             writer.flush()
             text += f"; go on with --restart {self.folder.path}"
-        raise Interrupted(text)
+        raise Interrupted(text) if self._signal else WallTimeReached(text)
 
     def _check(self, state: Mapping[str, np.ndarray], writer: Writer | None) -> None:
         """Stop if a saved state is not finite: the device would see it only in the next step."""
@@ -413,10 +436,10 @@ class Simulation:
 
     def _write_gauges(self, snapshot: Snapshot) -> None:
         box, support = self._box(), self.physics.support
-        points, fields = self._gauges.sample_points, self._gauges.sample_fields
+        points, fields, degrees = self._gauges.sample_points, self._gauges.sample_fields, self._gauges.sample_degrees
         for name in self._gauges.due(snapshot.time):
             if name in points:
-                snapshot.samples[name] = sample(snapshot, points[name], fields[name], support, box)
+                snapshot.samples[name] = sample(snapshot, points[name], fields[name], support, box, degrees[name])
         self._gauges.record(snapshot)
 
     def _box(self) -> list[float]:
@@ -609,7 +632,12 @@ class Simulation:
         def note(number: int, _frame: Any) -> None:
             self._signal = "Ctrl-C" if number == signal.SIGINT else signal.Signals(number).name
 
-        before = {number: signal.signal(number, note) for number in (signal.SIGINT, signal.SIGTERM)}
+        numbers = [signal.SIGINT, signal.SIGTERM]
+        # The terminal or the connection is gone (not on Windows). A run under nohup ignores that, and goes on.
+        hang_up = getattr(signal, "SIGHUP", None)
+        if hang_up is not None and signal.getsignal(hang_up) is not signal.SIG_IGN:
+            numbers.append(hang_up)
+        before = {number: signal.signal(number, note) for number in numbers}
         try:
             yield
         finally:
@@ -650,7 +678,8 @@ class _Meter:
         dt = float(model.stepper.read()[0][ck.LAST_STEP])
         if tell:
             self.last = (now, steps)
-            if self.progress is not None:
+            # After a signal nothing is shown any more: the terminal may be what is gone.
+            if self.progress is not None and not self.simulation._signal:
                 self.progress(Progress(model.time, end, steps, dt, rate, share, left))
         if log and self.simulation.folder is not None:
             self.logged = (now, share)
@@ -778,6 +807,15 @@ def _check_device(device: str) -> None:
     if device not in names and not (device == "cuda" and wp.is_cuda_available()):
         remedy = f"choose from: {', '.join(names)}"
         raise CaseError([Problem("device", device, "no such device here", remedy)])
+
+
+def _checked_wall_time(wall_time: float | None) -> float:
+    """The wall time [s], infinity for None; raises CaseError unless it is above 0."""
+    if wall_time is None:
+        return math.inf
+    if isinstance(wall_time, bool) or not isinstance(wall_time, (int, float)) or not wall_time > 0:
+        raise CaseError([Problem("wall_time", wall_time, "needs a number of seconds above 0", "write e.g. 3600")])
+    return float(wall_time)
 
 
 def _reached(moment: float, target: float) -> bool:

@@ -23,6 +23,7 @@ from warpsph.errors import (
     Interrupted,
     OutputError,
     Problem,
+    WallTimeReached,
     WarpsphError,
 )
 
@@ -877,6 +878,8 @@ def test_a_case_without_a_validation_section_has_one_quick_run():
         ({"quik": []}, "validation.quik", "did you mean quick"),
         ({"figure": {"field": "colour"}}, "validation.figure.field", "phase, speed, pressure, vorticity"),
         ({"figure": {"field": "phase", "times": [1, 0]}}, "validation.figure.times", "rising"),
+        ({"figure": {"field": "phase", "phases": ["watr"]}}, "validation.figure.phases.0", "is not one of the phases"),
+        ({"figure": {"field": "phase", "phases": []}}, "validation.figure.phases", "at least 1 entry"),
     ],
 )
 def test_bad_validation_sections(section, path, words):
@@ -1005,6 +1008,7 @@ def test_exit_codes():
         (DivergenceError("x", particle=3, time=0.5, quantity="velocity"), 3),
         (OutputError("x"), 4),
         (CapacityError("x", key="numerics.skin"), 5),
+        (WallTimeReached("x"), 7),
         (Interrupted("x"), 130),
     ]
     for error, code in errors:

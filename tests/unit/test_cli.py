@@ -12,7 +12,7 @@ import pytest
 import warpsph
 from warpsph import cli
 from warpsph.case_file import load_case
-from warpsph.errors import CapacityError, DivergenceError, Interrupted, OutputError
+from warpsph.errors import CapacityError, DivergenceError, Interrupted, OutputError, WallTimeReached
 
 ROOT = Path(__file__).resolve().parents[2]
 SUMMARY = {
@@ -240,6 +240,7 @@ def test_restart_goes_on_in_the_folder_of_the_run(command, case, simulation, giv
         (DivergenceError("velocity is nan", particle=7, time=0.1, quantity="velocity"), 3, "velocity is nan"),
         (OutputError("disk full"), 4, "disk full"),
         (CapacityError("too many neighbours"), 5, "numerics.neighbour_capacity"),
+        (WallTimeReached("stopped at t = 0.1 s"), 7, "stopped at t = 0.1 s"),
         (Interrupted("stopped at t = 0.1 s"), 130, "stopped at t = 0.1 s"),
         (KeyboardInterrupt(), 130, "interrupted"),
     ],
@@ -249,6 +250,23 @@ def test_failures_have_their_exit_code_and_no_traceback(command, case, simulatio
     found, _, err = command("run", case)
     assert found == code
     assert message in err and "Traceback" not in err
+
+
+@pytest.mark.parametrize(
+    ("text", "seconds"),
+    [("90", 90.0), ("0.5", 0.5), ("1h30m", 5400.0), ("1d2h3m4.5s", 93784.5), ("20min", 1200.0), ("1h 5s", 3605.0),
+     ("01:30:00", 5400.0), ("100:00:01", 360001.0)],
+)  # fmt: skip
+def test_wall_time_in_seconds(command, case, simulation, text, seconds):
+    assert command("run", case, "--wall-time", text)[0] == 0
+    assert simulation.made[0].choices == {"wall_time": seconds}
+
+
+@pytest.mark.parametrize("text", ["0", "-5", "nan", "inf", "soon", "1:30", "30m1h", "1:61:00", "", "0h0m"])
+def test_a_wall_time_that_is_none_is_refused(command, case, simulation, text):
+    code, _, err = command("run", case, "--wall-time", text)
+    assert code == 2 and not simulation.made
+    assert "--wall-time" in err and "needs a time above 0; write seconds, e.g. 5400, or 1h30m, or 01:30:00" in err
 
 
 def test_an_unexpected_failure_leaves_its_traceback_in_the_run_folder(command, case, simulation):
@@ -428,6 +446,12 @@ def test_plot_takes_times_or_a_range_of_them(command, plotted, text, times):
     assert command("plot", "runs/x", "--times", text)[0] == 0
     assert command("plot", "runs/x", "--times", text, "--movie", "a.gif")[0] == 0
     assert [keywords["times"] for _, _, keywords in plotted] == [times, times]
+
+
+def test_plot_takes_phases_of_pictures_and_movies(command, plotted):
+    for more in ((), ("--movie", "a.gif")):
+        assert command("plot", "runs/x", "--phases", "salt water, oil", *more)[0] == 0
+    assert [keywords["phases"] for _, _, keywords in plotted] == [["salt water", "oil"]] * 2
 
 
 def test_plot_makes_a_movie_and_shows_how_far_it_is(command, plotted):

@@ -391,6 +391,30 @@ def test_periods_and_peaks_of_a_curve(run):
     assert time["reference"] == pytest.approx(0.5 * (0.25 - 0.3 / (2 * np.pi)), rel=1e-2)
 
 
+def test_noise_of_a_curve_and_of_the_column(run):
+    """From row to row the run jumps by 0.1 to either side of a parabola, the curve by 0.05 (the case has a factor of 2)."""
+    t = np.linspace(0, 1, 101)
+    jumps = (-1.0) ** np.arange(101)
+    rows = "".join(f"{a},{b}\n" for a, b in zip(t, 1 + t * t + 0.1 * jumps, strict=True))
+    write_gauge(run, "energy", "time [s],kinetic [J/m]\n" + rows)
+    known = "".join(f"{1000 * a},{b},\n" for a, b in zip(t, 3 - 2 * t + 0.025 * jumps, strict=True))
+    result = one(curve_case(run, known, reduce="noise", span=0.2, window=[0.1, 0.9]), run)
+    assert result["error"] == pytest.approx(1.0, abs=1e-6)
+    assert result["value"] == pytest.approx(0.1, rel=0.15)
+    assert "about parabolas of 0.2 s" in result["note"]
+    sparse = "".join(f"{a},{a},\n" for a in range(0, 1001, 40))  # five points within 0.2 s
+    result = one(curve_case(run, sparse, reduce="noise", span=0.2), run)
+    assert result["error"] is None and "points within 0.2 s: noise needs eight" in result["note"]
+
+
+@pytest.mark.parametrize(
+    ("changes", "rule"), [({"reduce": "noise"}, "needs a span"), ({"span": 1}, "belongs to reduce: noise")]
+)
+def test_span_of_a_curve_belongs_to_noise(run, changes, rule):
+    with pytest.raises(CaseError, match=f"reference.decay.span.*{rule}"):
+        curve_case(run, LINE, **changes)
+
+
 def test_a_curve_that_does_not_cover_the_window_is_not_reduced(run):
     """The curve ends at 0.5 s."""
     short = one(curve_case(run, LINE, reduce="mean", window=[0.2, 0.9]), run)

@@ -22,7 +22,7 @@ from typer.testing import CliRunner
 from tests.scenes import FULL, PERIODIC, case_of
 from warpsph import Simulation, checkpoint, cli, neighbours, output, simulation
 from warpsph.case_file import save_case
-from warpsph.errors import CapacityError, DivergenceError, Interrupted, OutputError
+from warpsph.errors import CapacityError, CaseError, DivergenceError, Interrupted, OutputError, WallTimeReached
 from warpsph.gauges import read_gauge
 from warpsph.output import Series, read_vtp
 
@@ -169,6 +169,96 @@ def test_signal(long_case, undisturbed, tmp_path, monkeypatch, number, moment):
     assert moment * (1 - 1e-9) <= reached < moment + 0.02
     Simulation(long_case, output=tmp_path / "run", restart=tmp_path / "run", threads=1).run()
     assert_same_results(undisturbed, tmp_path / "run")
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no SIGHUP")
+@pytest.mark.parametrize("terminal", [False, True])
+def test_hang_up(long_case, undisturbed, tmp_path, terminal):
+    """The signal alone, and a terminal that is closed under the run: a checkpoint, exit code 130, and a restart goes on."""
+    run, case = tmp_path / "run", tmp_path / "case.yaml"
+    save_case(long_case, case)
+    arguments = ("run", case, "--output", run, "--threads", 1)
+    if terminal:
+        process, ours = start_on_a_terminal(*arguments)
+        wait_for(lambda: os.read(ours, 4096) and last_step(run) > 0, process)
+        os.close(ours)  # the kernel tells the leader of the session
+    else:
+        process = start(*arguments)
+        wait_for(lambda: last_step(run) > 0, process)
+        process.send_signal(signal.SIGHUP)
+        _, err = process.communicate(timeout=60)
+        assert "Traceback" not in err and "stopped by SIGHUP" in err and f"--restart {run}" in err
+    assert process.wait(timeout=60) == 130
+    summary = json.loads((run / "summary.json").read_text())
+    assert summary["status"] == "interrupted" and 0 < summary["time"] < 1.2
+    assert "stopped by SIGHUP" in (run / "log.txt").read_text()
+    assert not (run / "traceback.txt").exists()
+    assert_whole(run)
+    Simulation(long_case, output=run, restart=run, threads=1).run()
+    assert_same_results(undisturbed, run)
+
+
+def start_on_a_terminal(*arguments: object) -> tuple[subprocess.Popen, int]:
+    """A run on a terminal of its own, and our end of it; closing that hangs up."""
+    import fcntl
+    import pty
+    import termios
+
+    ours, its = pty.openpty()
+    command = [sys.executable, "-m", "warpsph", *map(str, arguments)]
+    process = subprocess.Popen(
+        command, cwd=ROOT, stdin=its, stdout=its, stderr=its, start_new_session=True,
+        preexec_fn=lambda: fcntl.ioctl(0, termios.TIOCSCTTY, 0),
+    )  # fmt: skip
+    os.close(its)
+    return process, ours
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no SIGHUP")
+def test_hang_up_is_ignored_under_nohup(long_case, undisturbed, tmp_path):
+    run, case = tmp_path / "run", tmp_path / "case.yaml"
+    save_case(long_case, case)
+    command = ["nohup", sys.executable, "-m", "warpsph", "run", case, "--output", run, "--threads", "1"]
+    process = subprocess.Popen(command, cwd=ROOT, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    wait_for(lambda: last_step(run) > 0, process)
+    process.send_signal(signal.SIGHUP)
+    _, err = process.communicate(timeout=60)
+    assert process.returncode == 0, err
+    assert_same_results(undisturbed, run)
+
+
+def test_wall_time(long_case, undisturbed, tmp_path):
+    """Exit code 7 and how to go on; what is given with --restart goes on bit by bit."""
+    run, case = tmp_path / "run", tmp_path / "case.yaml"
+    save_case(long_case, case)
+    process = start("run", case, "--output", run, "--threads", 1, "--wall-time", "0.001")
+    _, err = process.communicate(timeout=60)
+    assert process.returncode == 7
+    assert "stopped after 0.001 s of wall time at t = " in err and f"go on with --restart {run}" in err
+    assert "Traceback" not in err
+    assert json.loads((run / "summary.json").read_text())["status"] == "interrupted"
+    assert last_step(run) > 0
+    assert_whole(run)
+    # A second time, in the middle of a portion: the run sleeps past the end of its time there.
+    begin = time.perf_counter()
+    again = Simulation(long_case, output=run, restart=run, threads=1, wall_time=3.0)
+
+    def sleep(p):
+        time.sleep(max(begin + 3.5 - time.perf_counter(), 0.0))
+
+    with pytest.raises(WallTimeReached, match="stopped after 3 s of wall time"):
+        again.run(sleep)
+    assert_whole(run)
+    process = start("run", case, "--restart", run, "--threads", 1, "--wall-time", "10min")
+    _, err = process.communicate(timeout=60)
+    assert process.returncode == 0, err
+    assert_same_results(undisturbed, run)
+
+
+@pytest.mark.parametrize("wall_time", [0, -1.0, float("nan"), "60", True])
+def test_wall_time_is_a_number_of_seconds(wall_time):
+    with pytest.raises(CaseError, match="wall_time: .* -> needs a number of seconds above 0; write e.g. 3600"):
+        Simulation(case_of(PERIODIC), wall_time=wall_time)
 
 
 def test_signal_without_a_folder(monkeypatch):

@@ -157,7 +157,10 @@ def test_a_slice_in_three_dimensions(tmp_path, painters):
     (painter,) = painters
     assert (painter._panel.get_xlabel(), painter._panel.get_ylabel()) == ("x [m]", "z [m]")
     assert painter._panel.figure.get_suptitle() == "slice at y = 0.5 m"
-    assert len(painter._fluid.get_offsets()) == 200  # two layers are within half a spacing of the middle
+    (picture,) = painter.pictures
+    shown = np.asarray(painter._pixels.get_array())
+    assert painter._fluid is None and (shown[:, :, 3] > 0).mean() == pytest.approx(1 / 1.1**2, rel=0.06)
+    assert (colour_at(painter, picture, 0.55, 0.55) < 250).any()  # at a corner of four lattice cells, where no disc reaches
 
 
 def test_segments_are_drawn_over_every_frame(tmp_path, painters):
@@ -168,6 +171,17 @@ def test_segments_are_drawn_over_every_frame(tmp_path, painters):
     for picture in painter.pictures:
         assert (colour_at(painter, picture, 0.45, 0.55) < 60).all()
         assert (colour_at(painter, picture, 0.45, 0.75) > 60).any()
+
+
+def test_phases_that_are_left_out_are_white_and_the_picture_stays_the_same_part_of_the_scene(tmp_path, painters):
+    run = make_run(tmp_path / "run", times=[0.0, 1.0])
+    for phases in (None, ["gas"]):
+        movie.make_movie(run, tmp_path / "a.gif", field="pressure", phases=phases)
+    everything, gas = painters
+    assert (everything.view.lower == gas.view.lower).all() and (everything.view.upper == gas.view.upper).all()
+    for picture in gas.pictures:
+        assert (colour_at(gas, picture, 0.75, 0.55) == 255).all() and (colour_at(gas, picture, 0.25, 0.55) < 255).any()
+    assert gas.scale.norm.vmax < everything.scale.norm.vmax
 
 
 def test_phases_on_white_stay_on_white(tmp_path):

@@ -74,6 +74,7 @@ def test_picture_of_a_run(picture, tmp_path, monkeypatch):
         (lambda folder: run_folder(folder / "flat", dimension=2), [], "needs 3"),
         (lambda folder: run_folder(folder / "none", times=()), [], "no particle files"),
         (lambda folder: run_folder(folder / "oil"), ["--phase", "oil"], "needs one of water, gas"),
+        (lambda folder: run_folder(folder / "late"), ["--times", "1.5"], "1.5 -> no frame of the run is near"),
     ],
 )
 def test_what_has_no_picture(picture, make, options, told, tmp_path, capsys):

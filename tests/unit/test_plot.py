@@ -1,7 +1,11 @@
 """Pictures from a run folder that is made by hand: what is drawn, of which frames, how large, which units."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import to_rgba
 
 from warpsph import plot
 from warpsph.errors import CaseError
@@ -124,15 +128,92 @@ def test_phases_have_their_names(tmp_path, drawn):
     assert len(np.unique(colours, axis=0)) == 2
 
 
+def three_phases(path):
+    """Three phases with names of a user, one above the other; the lightest has by far the highest pressure."""
+    state = lattice(2, 0.0)
+    phase = np.where(state.kind == WALL, -1, np.minimum(3 * state.position[:, 1], 2).astype(int)).astype(np.int32)
+    state = replace(state, phase=phase, pressure=np.where(phase == 2, 1e6, state.pressure))
+    case = "phases: {salt_water_from_the_sea: {density: 1000}, oil: {density: 800}, hot air: {density: 1}}\n"
+    with RunFolder(path, case_text=case, fields=("velocity", "pressure", "phase")) as folder:
+        folder.write_particles(state)
+    return path
+
+
+def test_three_phases_with_names_of_their_own_have_a_legend(tmp_path, drawn):
+    plot.plot_run(three_phases(tmp_path / "run"), field="phase")
+    (figure,) = drawn
+    bar = figure.axes[-1]
+    labels = bar.get_yticklabels()
+    assert [text.get_text() for text in labels] == ["salt_water_from_the_sea", "oil", "hot air"]
+    fluid = discs(panels(figure)[0])[-1]
+    assert len(np.unique(fluid.to_rgba(fluid.get_array()), axis=0)) == 3
+    FigureCanvasAgg(figure).draw()  # arranges the parts
+    boxes = [text.get_window_extent() for text in labels]
+    assert all(box.x1 <= figure.bbox.x1 for box in boxes)
+    assert all(below.y1 < above.y0 for below, above in zip(boxes, boxes[1:], strict=False))
+    # a legend, no scale as high as the picture
+    assert bar.get_window_extent().height < 0.45 * figure.bbox.height
+
+
+def test_phases_that_are_left_out_leave_the_colour_scale_too(tmp_path, drawn):
+    run = three_phases(tmp_path / "run")
+    plot.plot_run(run, field="pressure", phases=["oil", "salt_water_from_the_sea"])
+    wall, fluid = discs(panels(drawn[0])[0])
+    assert len(fluid.get_offsets()) == 60 and fluid.get_array().max() < 1.0  # three and three of nine rows; one is wall
+    assert fluid.norm.vmax < 2.0
+    plot.plot_run(run, field="phase", phases=["hot air"])
+    bar = drawn[1].axes[-1]
+    assert [text.get_text() for text in bar.get_yticklabels()] == ["hot air"]
+    with pytest.raises(CaseError, match="phases: air -> is no phase of this run; choose from: salt_water.*, oil, hot air"):
+        plot.plot_run(run, phases=["oil", "air"])
+    unknown = tmp_path / "unknown"
+    with RunFolder(unknown, case_text="phases: {oil: {density: 1}}\n", fields=("pressure",)) as folder:
+        folder.write_particles(lattice(2, 0.0))
+    with pytest.raises(CaseError, match="phases.*hold no phase; run again with phase in output.particles.fields"):
+        plot.plot_run(unknown, phases=["oil"])
+
+
 @pytest.mark.parametrize(("axis", "drawn_axes"), [(None, (0, 1)), ("y", (0, 2)), ("x", (1, 2))])
 def test_three_dimensions_show_a_slice(tmp_path, drawn, axis, drawn_axes):
     plot.plot_run(make_run(tmp_path / "run", dimension=3, times=[0.0]), field="mass", slice_axis=axis)
     (panel,) = panels(drawn[0])
     assert [panel.get_xlabel(), panel.get_ylabel()] == [f"{'xyz'[k]} [m]" for k in drawn_axes]
-    # The middle lies between two layers of the lattice; both are within half a spacing.
-    in_slice = 2 * (100 if axis == "y" else 90)
-    assert len(discs(panel)[-1].get_offsets()) == in_slice
+    picture = np.asarray(panel.get_images()[0].get_array())
+    per_square_metre = picture.shape[0] * picture.shape[1] / 1.1**2  # half a spacing of margin on each side
+    grey = (picture[:, :, :3] == round(0.75 * 255)).all(axis=2)
+    assert grey.sum() / per_square_metre == pytest.approx(0.0 if axis == "y" else 0.1, abs=0.02)
+    # Between two layers of the lattice its outer sides are a little wavy, 0.15 spacings inside of half a spacing at most.
+    assert 0.94 < (picture[:, :, 3] > 0).sum() / per_square_metre < 1.01
     assert "mass [kg]" in [axes.get_ylabel() for axes in drawn[0].axes]
+
+
+def test_a_slice_shows_the_holes_there_are_and_no_others():
+    """Of a disordered fluid with a ball of 0.25 m left out; in a layer one spacing thick it had hundreds of holes."""
+    spacing = 0.05
+    axis = np.arange(spacing / 2, 1, spacing)
+    position = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), axis=-1).reshape(-1, 3)
+    position += np.random.default_rng(1).uniform(-0.5 * spacing, 0.5 * spacing, position.shape)
+    position = position[np.linalg.norm(position - 0.5, axis=1) > 0.25]
+    n = len(position)
+    fluid = replace(lattice(3, 0.0), position=position, velocity=position, particle_spacing=spacing)
+    fluid = replace(fluid, **{name: np.zeros(n) for name in ("density", "pressure", "mass", "volume", "phase")})
+    fluid = replace(fluid, particle_id=np.arange(n), kind=np.full(n, FLUID, np.uint8))
+    view = plot.view_of(np.zeros(3), np.ones(3), spacing, "y")
+    owner = plot.slice_owner(view, view.cut(plot.Frame(0.0, fluid, None)), (440, 440))
+    middle = (np.arange(440) + 0.5) / 400 - 0.05
+    radius = np.hypot(middle[:, None] - 0.5, middle[None] - 0.5)
+    inner = (np.abs(middle - 0.5) < 0.4)[:, None] & (np.abs(middle - 0.5) < 0.4)
+    assert (owner[inner & (radius > 0.29)] >= 0).all()
+    assert (owner[radius < 0.21] == -1).all()
+    area = (owner >= 0).sum() / 400**2
+    assert area == pytest.approx(1.0 - np.pi * 0.25**2, rel=0.03)
+    # nearest in space: no particle is nearer to the middle of a pixel than its owner
+    row, column = np.nonzero(owner >= 0)
+    for k in range(0, len(row), 5000):
+        place = np.array([middle[column[k]], 0.5, middle[row[k]]])
+        cut = view.cut(plot.Frame(0.0, fluid, None)).fluid.position
+        least = np.linalg.norm(cut - place, axis=1).min()
+        assert np.linalg.norm(cut[owner[row[k], column[k]]] - place) == pytest.approx(least, rel=1e-3)
 
 
 def test_a_runaway_particle_does_not_stretch_the_colours():
@@ -227,6 +308,42 @@ def test_a_slice_of_times_takes_every_frame_within(tmp_path, drawn):
     assert [axes.get_title() for axes in panels(drawn[2])] == ["t = 0 s", "t = 0.1 s"]
     with pytest.raises(CaseError, match="times: 0.4: -> no frame .* frames from 0 to 0.3 s"):
         plot.plot_run(run, times=slice(0.4, None))
+
+
+@pytest.mark.parametrize(("times", "told"), [([5.0], "5"), ([0.1, 0.4, -1.0], "0.4,-1"), ([0.302], "0.302")])
+def test_a_time_that_the_run_does_not_have_is_refused(tmp_path, times, told):
+    """The last frame is not drawn in its place, and nothing is written."""
+    run = make_run(tmp_path / "run", times=[0.0, 0.1, 0.3])
+    with pytest.raises(CaseError, match=f"times: {told} -> no frame of .*; the run has frames from 0 to 0.3 s") as caught:
+        plot.plot_run(run, times=times)
+    assert caught.value.exit_code == 2
+    assert not (run / "plots").exists()
+
+
+def test_times_between_frames_and_rounded_ones_are_those_of_the_nearest(tmp_path, drawn):
+    run = make_run(tmp_path / "run", times=[0.0, 0.1, 0.29997])
+    plot.plot_run(run, times=[0.12, 0.3])
+    assert [axes.get_title() for axes in panels(drawn[0])] == ["t = 0.1 s", "t = 0.3 s"]
+
+
+def test_no_two_curves_of_a_panel_share_a_colour(tmp_path, drawn):
+    """Of the extents of two phases there are two dozen in metres; all are in the legend, beside the curves."""
+    run = make_run(tmp_path / "run", times=[0.0])
+    names = [f"curve_{k}" for k in range(24)]
+    heading = "time [s]," + ",".join(f"{name} [m]" for name in names)
+    rows = "\n".join(f"{t}," + ",".join(str(k + t) for k in range(24)) for t in (0, 1, 2))
+    (run / "gauges" / "extents.csv").write_text(f"{heading}\n{rows}\n")
+    plot.plot_run(run)
+    (panel,) = [axes for axes in panels(drawn[1]) if axes.get_title() == "extents"]
+    looks = [tuple(np.round(to_rgba(line.get_color()), 3)) for line in panel.get_lines()]
+    assert len(set(looks)) == 24
+    assert [text.get_text() for text in panel.get_legend().get_texts()] == names
+    FigureCanvasAgg(drawn[1]).draw()  # arranges the parts
+    legend, curves = panel.get_legend().get_window_extent(), panel.get_window_extent()
+    assert legend.x0 >= curves.x1 and legend.x1 <= drawn[1].bbox.x1
+    for few in [axes for axes in panels(drawn[1]) if axes is not panel]:
+        colours = [line.get_color() for line in few.get_lines()]
+        assert len(set(colours)) == len(colours)
 
 
 # ---- reference interfaces over the particles ---------------------------------------------------------------

@@ -398,6 +398,44 @@ def test_a_figure_shows_particles_and_curves_over_their_references(finished, mon
     assert np.abs(points.get_ydata() - points.get_xdata()).mean() < 0.1
 
 
+def test_a_figure_shows_a_run_that_ended_early_as_far_as_it_came(finished, monkeypatch, tmp_path):
+    from matplotlib.figure import Figure
+
+    saved = []
+    monkeypatch.setattr(Figure, "savefig", lambda figure, path, **_: (saved.append(figure), path.write_bytes(b"")))
+    folder = finished[0] / "runs" / "vortices-20"
+    case = figures.case_of_run(folder).replace({"validation.figure.times": [0, 7.5]})
+    figures.draw_validation(folder, case, "", tmp_path / "figure.png")
+    pictures = [axes for axes in saved[0].subfigs[0].axes if axes.get_title()]
+    assert [axes.get_title() for axes in pictures] == ["t = 0 s", "t = 0.05 s"]
+
+
+def test_a_figure_leaves_out_what_is_none_of_its_phases(finished, monkeypatch, tmp_path):
+    """The pressure of one phase of two: no particle of the other, and the same part of the scene."""
+    from matplotlib.figure import Figure
+
+    from warpsph import plot
+
+    saved = []
+    monkeypatch.setattr(Figure, "savefig", lambda figure, path, **_: (saved.append(figure), path.write_bytes(b"")))
+    read = plot.read_frame
+
+    def two_phases(*arguments):
+        frame = read(*arguments)
+        frame.fluid.phase = (frame.fluid.position[:, 0] > 0.5).astype(np.int32)
+        return frame
+
+    monkeypatch.setattr(plot, "read_frame", two_phases)
+    folder = finished[0] / "runs" / "vortices-20"
+    names = figures.case_of_run(folder).phase_names
+    case = figures.case_of_run(folder).replace({"validation.figure": {"field": "pressure", "phases": names}})
+    figures.draw_validation(folder, case, "", tmp_path / "figure.png")
+    for axes in [axes for axes in saved[0].subfigs[0].axes if axes.get_title()]:
+        offsets = axes.collections[-1].get_offsets()
+        assert 150 < len(offsets) < 250 and offsets[:, 0].max() <= 0.5
+        assert axes.get_xlim()[1] > 0.9
+
+
 def test_data_of_curves_and_of_what_cannot_be_read(finished):
     folder = finished[0] / "runs" / "vortices-20"
     case = figures.case_of_run(folder)
