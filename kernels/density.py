@@ -16,6 +16,8 @@ from .riemann import make_jump, make_star
 from .smoothing import make_smoothing
 from .spec import SWEEP_OPTIONS, Spec, types_of
 
+STIFFEST = 1.5  # rate, over a step, at which the pressure of a particle may follow that of its neighbours
+
 
 @functools.cache
 def make_state(spec: Spec) -> Any:
@@ -107,6 +109,10 @@ def make_continuity(spec: Spec) -> Any:
         inv_z = own.mobility  # a quotient here would be pushed into the pair loop by the compiler
 
         rate = real(0.0)
+        evening = real(0.0)  # part of the rate from pressure differences to other phases
+        stiffness = real(0.0)  # its derivative by the own pressure, over c_i
+        plain_stiffness = real(0.0)  # what it would be among particles of the own phase
+        own_stiffness = real(0.0)  # the same of the pairs of the own phase
         crowd = real(0.0)  # -sum F V r^2: the dimension inside a fluid, about half of it on a free surface
         k = list_begin(i, list_width)
         step = list_step(particle_count)
@@ -133,6 +139,8 @@ def make_continuity(spec: Spec) -> Any:
                         term = wp.dot(vi - velocity[j], d)
                         if wp.static(spec.dissipation):
                             term += dp * r * inv_z
+                        if wp.static(sided):
+                            own_stiffness -= f * r
                         rate += f * term
                     else:
                         other = phases[other_phase]
@@ -148,8 +156,16 @@ def make_continuity(spec: Spec) -> Any:
                             # both states in the middle of the pair, each from its own side (`interface_flow`)
                             u_i += real(0.5) * inv_r * wp.dot(velocity_gradient[i] * d, d)
                             u_j -= real(0.5) * inv_r * wp.dot(velocity_gradient[j] * d, d)
+                        driving = params.dissipation * dp
+                        if wp.static(sided):
+                            # what drives the pressures of the two together is kept apart: it may not overshoot
+                            both = own.impedance + other.impedance
+                            evening += real(2.0) * f * r * driving / both
+                            stiffness -= real(2.0) * f * r * own.impedance / both
+                            plain_stiffness -= f * r
+                            driving = real(0.0)
                         u_star = star_velocity(
-                            u_i, u_j, own.density, other.density, own.impedance, other.impedance, params.dissipation * dp
+                            u_i, u_j, own.density, other.density, own.impedance, other.impedance, driving
                         )
                         rate += real(2.0) * f * (wp.dot(vi, d) + r * u_star)
         while k < end:
@@ -177,6 +193,16 @@ def make_continuity(spec: Spec) -> Any:
                 d = separation(xi, position[j], wrapped, params)
                 r = wp.sqrt(wp.dot(d, d))
                 rate += real(2.0) * slope(r * params.inv_h) * params.wall_volume * wp.dot(vi - velocity[j], d)
+
+        if wp.static(sided):
+            # A heavy particle among light ones takes their pressure at up to twice the rate of one among its own, 2 c sum |W'| V.
+            # Forward Euler bears two such times in a step: what is beyond three quarters of that, and beyond the rate that it
+            # would have among its own, is left out.
+            step_rate = real(clock[STEP]) * own.sound_speed * params.dissipation * params.g_norm
+            allowed = wp.max(real(STIFFEST) - step_rate * own_stiffness, step_rate * plain_stiffness)
+            if step_rate * stiffness > allowed:
+                evening = evening * (allowed / (step_rate * stiffness))
+            rate += evening
 
         s = density_excess[i]
         s += real(clock[STEP]) * (real(1.0) + s) * params.g_norm * rate

@@ -15,7 +15,9 @@ Walls: the one-sided Riemann problem between a fluid that moves at u_n into a wa
     p*_i = p_i + Z_i max(u_n, 0)
 A fluid that is whole up to the wall makes that pressure by itself, in the continuity sweep, within the time that sound takes
 for a spacing. A particle without its own phase behind it does not: spray, or gas between a liquid and a wall. So the impact
-term counts as far as the own phase is missing (`alone`), along the normal of all wall particles in reach.
+term counts as far as the own phase is missing (`alone`), along the normal of all wall particles in reach. Nor has such a
+particle a pressure gradient of its own that would hold it against what pushes it on: so far as it is alone and in the first
+row, the wall takes up what accelerates it into the wall, as the wall's own pressure would.
 """
 
 import functools
@@ -26,7 +28,7 @@ import warp as wp
 from .clock import MAXIMA, STEP
 from .pair import BAND, NEAR, WRAPPED, make_entry, separation_of
 from .params import make_params, make_phase
-from .riemann import make_jump, make_star, make_wall_pressure
+from .riemann import make_jump, make_star, make_one_sided
 from .smoothing import make_smoothing
 from .spec import SWEEP_OPTIONS, Spec, types_of
 from .viscosity import make_viscosity
@@ -43,7 +45,7 @@ def make_momentum(spec: Spec) -> Any:
     list_begin, list_step = make_entry(spec.row_list)
     _, star_pressure = make_star(spec.precision, spec.paper_star)
     laplace_jump = make_jump(spec.precision)
-    wall_pressure = make_wall_pressure(spec.dimension, spec.precision)
+    wall_pressure, wall_reaction = make_one_sided(spec.dimension, spec.precision)
     viscous = spec.viscosity != "none"
     viscous_term = make_viscosity(spec.viscosity if viscous else "morris", spec.dimension, spec.precision)
     periodic = any(spec.periodic)
@@ -122,6 +124,8 @@ def make_momentum(spec: Spec) -> Any:
         wall_flow = mat()  # the same over no-slip walls and the velocities mirrored in them
         own_even = vec()  # sum of F V x_ij over the own phase
         into_wall = vec()  # the same over walls: their normal, away from the fluid
+        first_row = real(0.0)  # 1 in the first row before a wall, 0 from the second on
+        nearest = params.h * params.h * real(9.0)  # square of the distance to the nearest wall particle [m^2]
         approach = real(0.0)  # sum of F V x_ij.(v_i - v_w): speed into the wall times |into_wall|
         repulsion = vec()
         moment = mat()
@@ -229,6 +233,7 @@ def make_momentum(spec: Spec) -> Any:
                 f = slope(wp.sqrt(r2) * params.inv_h) * params.wall_volume
                 fd = f * d
                 into_wall += fd
+                nearest = wp.min(nearest, r2)
                 approach += wp.dot(vi - velocity[j], fd)
                 p_wall = state[j][0]
                 if wp.static(spec.multiphase):
@@ -265,7 +270,7 @@ def make_momentum(spec: Spec) -> Any:
             impact_pressure = wall_pressure(own.impedance, approach, into_wall, own_even, params.g_norm * params.h)
             # twice: the state in the mirror has that pressure too
             pressure_sum += (real(2.0) * impact_pressure) * into_wall
-            wall_impact[i] = real(2.0) * impact_pressure
+            impact_pressure = real(2.0) * impact_pressure
 
         g_norm = params.g_norm
         a = vec()
@@ -313,6 +318,15 @@ def make_momentum(spec: Spec) -> Any:
             a += params.body_force
         if wp.static(spec.central_force):
             a -= params.pull * (xi - params.center)
+        if wp.static(spec.walls):
+            # the first row of wall particles is half a spacing behind the surface, the first row of fluid half a spacing before
+            first_row = wp.clamp(real(3.0) - real(2.0) * wp.sqrt(nearest) / params.spacing, real(0.0), real(1.0))
+            reaction = wall_reaction(a, into_wall, own_even, first_row)
+            a += reaction
+            size = wp.length(into_wall) * g_norm
+            if size > real(0.0):
+                impact_pressure += rho_i * wp.length(reaction) / size
+            wall_impact[i] = impact_pressure
         acceleration[i] = a
 
         if wp.static(spec.shifting):
@@ -325,6 +339,8 @@ def make_momentum(spec: Spec) -> Any:
             cap = params.shift_cap * params.h
             if length > cap:
                 dx = dx * (cap / length)
+            if wp.static(spec.walls):
+                dx += wall_reaction(dx, into_wall, own_even, first_row)
             shift[i] = dx
             # What the particle carries is that of its new place: dv = grad v dx, ds = dx.grad p / (rho0 c^2). The mirrored
             # velocities take no part: the shift keeps a particle off a wall that the flow holds it against, step by step, and

@@ -74,35 +74,51 @@ def make_jump(precision: str) -> Any:
     return laplace_jump
 
 
+class OneSided(NamedTuple):
+    """`wp.func`s of the one-sided problem at a wall: pressure [Pa] and acceleration [m/s^2] that a wall adds."""
+
+    pressure: Any
+    reaction: Any
+
+
 @functools.cache
-def make_wall_pressure(dimension: int, precision: str) -> Any:
-    """Return the `wp.func` wall_pressure(Z, approach, into_wall, own_even, norm) = alone Z max(u_n, 0) [Pa].
+def make_one_sided(dimension: int, precision: str) -> OneSided:
+    """Return wall_pressure(Z, approach, into_wall, own_even, norm), wall_reaction(a, into_wall, own_even, near).
 
-    The pressure that the one-sided Riemann problem adds to p_i for a particle that moves into a wall at u_n, seed 000 eq (28).
+    The first is alone Z max(u_n, 0), what the one-sided Riemann problem adds to the pressure of a particle that moves into a
+    wall at u_n. The second is -alone near max(a.n, 0) n: a particle of the first row is not pushed into the wall.
 
-    Arguments of the function:
-        Z: impedance [kg/(m^2 s)]
+    Arguments of the functions:
+        Z: impedance [kg/(m^2 s)]; a: acceleration by all else [m/s^2]
         approach: sum over the wall of F V x_ij.(v_i - v_w) [m/s times the unit of into_wall]
-        into_wall: sum over the wall of F V x_ij, x_ij from the wall particle to the fluid particle
+        into_wall: sum over the wall of F V x_ij, x_ij from the wall particle to the fluid particle: n times its length
         own_even: the same over the fluid of the own phase
         norm: makes `into_wall` dimensionless
+        near: 1 in the first row before the wall, 0 from the second on
     alone = 1 + own_even.into_wall/|into_wall|^2, in 0..1: 0 where the own phase stands against the wall as a whole, 1 where
     there is none.
     """
     real, vec, _, _ = types(dimension, precision)
-    import os
-    FULL = bool(int(os.environ.get("W_FULL", "0")))
-    edge = 1.0e-4  # of the support: a wall that is hardly in reach has no normal yet
+    edge = 1.0e-4  # a wall that is hardly in reach has no normal yet
+
+    @wp.func
+    def alone_at_wall(into_wall: vec, own_even: vec):
+        return wp.clamp(real(1.0) + wp.dot(own_even, into_wall) / wp.dot(into_wall, into_wall), real(0.0), real(1.0))
 
     @wp.func
     def wall_pressure(z: real, approach: real, into_wall: vec, own_even: vec, norm: real):
         result = real(0.0)
         size = wp.length(into_wall)
         if approach > real(0.0) and size * norm > real(edge):
-            alone = wp.clamp(real(1.0) + wp.dot(own_even, into_wall) / (size * size), real(0.0), real(1.0))
-            if wp.static(FULL):
-                alone = real(1.0)
-            result = alone * z * approach / size
+            result = alone_at_wall(into_wall, own_even) * z * approach / size
         return result
 
-    return wall_pressure
+    @wp.func
+    def wall_reaction(a: vec, into_wall: vec, own_even: vec, near: real):
+        result = vec()
+        push = wp.dot(a, into_wall)
+        if push > real(0.0) and near > real(0.0):
+            result = into_wall * (-alone_at_wall(into_wall, own_even) * near * push / wp.dot(into_wall, into_wall))
+        return result
+
+    return OneSided(wall_pressure, wall_reaction)
