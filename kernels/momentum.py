@@ -267,7 +267,11 @@ def make_momentum(spec: Spec) -> Any:
                         )
 
         if wp.static(spec.walls):
-            impact_pressure = wall_pressure(own.impedance, approach, into_wall, own_even, params.g_norm * params.h)
+            # a gas that is pressed has the impedance rho c of the density that it has
+            impedance = own.impedance
+            if approach > real(0.0):
+                impedance *= wp.pow(rho_i / own.density, real(0.5) * (own.gamma + real(1.0)))
+            impact_pressure = wall_pressure(impedance, approach, into_wall, own_even, params.g_norm * params.h)
             # twice: the state in the mirror has that pressure too
             pressure_sum += (real(2.0) * impact_pressure) * into_wall
             impact_pressure = real(2.0) * impact_pressure

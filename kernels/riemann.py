@@ -95,15 +95,16 @@ def make_one_sided(dimension: int, precision: str) -> OneSided:
         own_even: the same over the fluid of the own phase
         norm: makes `into_wall` dimensionless
         near: 1 in the first row before the wall, 0 from the second on
-    alone = 1 + own_even.into_wall/|into_wall|^2, in 0..1: 0 where the own phase stands against the wall as a whole, 1 where
-    there is none.
+    alone = 2 (1 + own_even.into_wall/|into_wall|^2), in 0..1: 0 where the own phase stands against the wall as a whole, 1 where
+    half of it is missing or more.
     """
     real, vec, _, _ = types(dimension, precision)
     edge = 1.0e-4  # a wall that is hardly in reach has no normal yet
 
     @wp.func
     def alone_at_wall(into_wall: vec, own_even: vec):
-        return wp.clamp(real(1.0) + wp.dot(own_even, into_wall) / wp.dot(into_wall, into_wall), real(0.0), real(1.0))
+        missing = real(1.0) + wp.dot(own_even, into_wall) / wp.dot(into_wall, into_wall)
+        return wp.clamp(real(2.0) * missing, real(0.0), real(1.0))
 
     @wp.func
     def wall_pressure(z: real, approach: real, into_wall: vec, own_even: vec, norm: real):
