@@ -3,8 +3,8 @@
 Each command loads the case, hands it to the module that does the work and prints what comes back. Other than
 typer everything is imported inside the commands: `--help` answers at once, a command pays for what it uses.
 
-Exit codes: 0 done, 1 unexpected error, 2 bad input, 3 diverged, 4 cannot write, 5 capacity exceeded,
-6 validate: a reference was missed or a run failed, 130 interrupted.
+Exit codes: 0 done, 1 unexpected error, 2 bad input, 3 diverged, 4 cannot write, 5 the scene does not fit the memory,
+or a list cannot grow, 6 validate: a reference was missed or a run failed, 130 interrupted.
 """
 
 import errno
@@ -617,17 +617,25 @@ def _print_estimate(case: "Case") -> None:
     from warpsph.simulation import estimate
 
     found = estimate(case)
+    about = "about " if "refused" in found else ""
     rows = [
-        ("fluid particles", found.get("particles")),
-        ("wall particles", found.get("walls")),
-        ("memory", None if found.get("memory_bytes") is None else f"{found['memory_bytes'] / 2**20:.1f} MiB"),
+        ("fluid particles", f"{about}{_format(found['particles'])}"),
+        ("wall particles", f"{about}{_format(found['walls'])}"),
+        ("memory of the device", f"{about}{_mebibytes(found['memory_bytes'])}"),
+        ("memory of the host", f"about {_mebibytes(found['host_bytes'])}"),
         ("time step", None if found.get("dt") is None else f"{found['dt']:.3g} s"),
         ("steps", found.get("steps")),
-        ("estimated time", _duration(found.get("seconds"))),
+        ("estimated time", _duration(found["seconds"]) if "seconds" in found else None),
     ]
     _print_table(case.title or "Case", ["", ""], [row for row in rows if row[1] is not None])
     for warning in found.get("warnings", []):
         _say(f"warning: {warning}")
+    if "refused" in found:
+        raise found["refused"]
+
+
+def _mebibytes(number: int) -> str:
+    return f"{number / 2**20:,.1f} MiB".replace(",", " ")
 
 
 def _print_plan(case: "Case") -> None:

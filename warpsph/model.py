@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import math
 import os
 from typing import TYPE_CHECKING, Any
@@ -9,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import warp as wp
 
+from warpsph import memory
 from warpsph.geometry import Geometry, build
 from warpsph.kernels import clock as ck
 from warpsph.kernels.mirror import FREE_SLIP, NO_SLIP, NO_WALL, make_sides
@@ -58,6 +60,9 @@ class Model:
         geometry: particles of the case, if they are known already.
         fresh: False if `load_state` follows: the start is then made no better than it takes to know the particles.
 
+    Raises:
+        CapacityError: the case does not fit the memory of the device or of the machine.
+
     Attributes:
         physics: numbers derived from the case.
         particles: fields on the device.
@@ -76,12 +81,20 @@ class Model:
         self.case = case
         self.device = wp.get_device(device)
         self.launcher = Launcher(self.device, threads or default_threads())
+        if geometry is None:
+            refused = memory.shortage(case, self.device)
+            if refused is not None:
+                gc.collect()  # an earlier run in this process may only wait for that
+                refused = memory.shortage(case, self.device)
+            if refused is not None:
+                raise refused
         self.geometry = geometry if geometry is not None else build(case, support_radius(case))
         self.physics: Physics = derive(case, self.geometry, row_list=self.launcher.is_cpu)
         unlock = float(self.physics.choices["unlock"])
         fitted = self.geometry.arrangement == "fitted"
         if geometry is None and fresh and (fitted or unlock > case.start.noise):
             arrange = Packer(self.launcher) if fitted else None
+            del self.geometry  # of millions of particles there is no room for two
             self.geometry = build(case, self.physics.support, unlock, arrange)
         self.particles = Particles(
             self.physics.spec, self.geometry.fluid_count, self.geometry.wall_count, self.device

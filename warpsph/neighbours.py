@@ -179,9 +179,16 @@ class NeighbourList:
 
     def _too_large(self, width: int, reason: str) -> str:
         """Return the message for a list of so many entries a particle that the memory does not hold, with a way out."""
-        n = self.particles.count
-        given = f"neighbour list: {n} particles with room for {width} neighbours each need {4 * width * n / 1e9:.3g} GB"
-        return f"{given}, which {self.particles.device} does not have free ({reason}); make particle_spacing larger"
+        from warpsph.memory import device_free, host_free
+
+        n, device = self.particles.count, self.particles.device
+        need = 4 * width * n
+        text = f"neighbour list: {n} particles with room for {width} neighbours each need {need} bytes on {device}"
+        free = host_free() if device.is_cpu else device_free(device)
+        if free is None or not 0 < free < need:
+            return f"{text}, which are not free ({reason}); make particle_spacing larger"
+        larger = math.ceil(100 * (need / free) ** (1 / self.spec.dimension)) / 100
+        return f"{text}, but {free} are free; a particle_spacing {larger:g} times as large would fit"
 
     def memory(self) -> int:
         """Return the bytes of the list alone (the grid and the sort buffers are not in it)."""

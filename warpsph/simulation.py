@@ -32,7 +32,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from warpsph import checkpoint
+from warpsph import checkpoint, memory
 from warpsph.comparison import compare, format_comparison
 from warpsph.errors import CaseError, DivergenceError, Interrupted, OutputError, Problem, WarpsphError
 from warpsph.gauges import GaugeSet, PhaseEos
@@ -86,7 +86,7 @@ class Simulation:
     Raises:
         CaseError: the device does not exist, or the checkpoint does not fit the case.
         OutputError: the output folder cannot be used.
-        CapacityError: the neighbour list cannot hold the particles of the start.
+        CapacityError: the case does not fit the memory, or the neighbour list cannot hold the particles of the start.
 
     Attributes:
         case: the case.
@@ -638,10 +638,16 @@ def describe(case: Case) -> dict[str, Any]:
     """Return what a run of the case would be: resolved case, structure, stages, and what is absent and why.
 
     Compiles and allocates nothing on a device.
+
+    Raises:
+        CapacityError: the particles do not fit the memory of this machine.
     """
     from warpsph import schemes
     from warpsph.kernels.fields import fields_of
 
+    refused = memory.shortage(case)
+    if refused is not None:
+        raise refused
     geometry = build(case, support_radius(case))
     physics = derive(case, geometry)
     known: dict[str, Any] = {
@@ -671,29 +677,34 @@ def describe(case: Case) -> dict[str, Any]:
 
 
 def estimate(case: Case) -> dict[str, Any]:
-    """Return particle counts, memory [bytes], time step [s], steps and seconds to expect, and warnings."""
-    from warpsph.kernels.fields import fields_of
-    from warpsph.neighbours import default_width
+    """Return particle counts, memory of the device and of the host [bytes], time step [s], steps, seconds, and warnings.
 
+    Where the particles do not even fit the memory that building them takes, there are the first four alone, from
+    arithmetic, and `refused`, the CapacityError to raise.
+    """
+    found = memory.count(case, support_radius(case))
+    refused = memory.shortage(case, found=found)
+    if refused is not None:
+        return {
+            "particles": found.fluid,
+            "walls": found.walls,
+            "memory_bytes": memory.expected_on_device(case, found),
+            "host_bytes": memory.building(case, found),
+            "refused": refused,
+        }
     geometry = build(case, support_radius(case))
     physics = derive(case, geometry)
     spec = physics.spec
-    size = {"real": 1, "vec": spec.dimension, "mat": spec.dimension**2, "pair": 2}
-    width = 8 if case.precision == "float64" else 4
-    per_row = {"int8": 1, "uint8": 1, "int16": 2, "int32": 4}
-    rows = {"fluid": geometry.fluid_count, "wall": geometry.wall_count, "all": geometry.count}
-    memory = sum(
-        rows[field.rows] * (per_row.get(field.kind) or size[field.kind] * width) for field in fields_of(spec)
-    )
-    memory += geometry.count * (16 + 2 * spec.dimension * width)  # sort keys and scratch
-    capacity = case.numerics.neighbour_capacity
     skin = float(physics.choices["skin"])
-    if capacity == "auto":
-        capacity = default_width(spec, physics.support, case.spacing, skin)
-    entries = int(capacity)
-    memory += geometry.count * entries * 4
-    if spec.scheme == "isph":  # the pressure matrix: column and value of each entry
-        memory += geometry.fluid_count * entries * (4 + width)
+    fluid, walls = geometry.fluid_count, geometry.wall_count
+    taken = memory.on_device(case, spec, fluid, walls, physics.support, skin, geometry.lattice)
+    warnings = [*geometry.warnings, *physics.warnings]
+    free, host = memory.host_free(), memory.running_on_host(case, found)
+    if free is not None and host + taken > free:
+        warnings.append(
+            f"memory: a run on the CPU takes {(host + taken) / 1e9:.3g} GB, but {free / 1e9:.3g} GB are free here; it needs "
+            f"a device with {taken / 1e9:.3g} GB, or a larger particle_spacing"
+        )
     dt = physics.estimated_step()
     if spec.scheme == "isph":
         from warpsph import incompressible
@@ -701,13 +712,14 @@ def estimate(case: Case) -> dict[str, Any]:
         dt = incompressible.expected_step(case, physics)
     steps = math.ceil(case.end_time / dt)
     return {
-        "particles": geometry.fluid_count,
-        "walls": geometry.wall_count,
-        "memory_bytes": memory,
+        "particles": fluid,
+        "walls": walls,
+        "memory_bytes": taken,
+        "host_bytes": host,
         "dt": dt,
         "steps": steps,
         "seconds": steps * geometry.count / (GUESSED_RATE * 1e6),
-        "warnings": [*geometry.warnings, *physics.warnings],
+        "warnings": warnings,
     }
 
 

@@ -73,6 +73,7 @@ def simulation(monkeypatch):
         "particles": 1600,
         "walls": 704,
         "memory_bytes": 2**20,
+        "host_bytes": 3 * 2**20,
         "dt": 1e-3,
         "steps": 500,
         "seconds": 250.0,
