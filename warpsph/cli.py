@@ -40,6 +40,9 @@ app = typer.Typer(
 PLAIN_PROGRESS_INTERVAL = 5.0
 """Seconds between two progress lines where there is no terminal to draw a bar on."""
 
+PREPARING_DELAY = 1.0
+"""Seconds after which kernels that are not ready are being compiled, not only loaded."""
+
 
 class Precision(StrEnum):
     """Floating-point type of the particle state."""
@@ -116,9 +119,9 @@ def run(
         folder = _claim_output(case, output, restart)
         choices: dict[str, Any] = {"device": device, "threads": threads, "restart": restart}
         try:
-            simulation = Simulation(
-                loaded, output=folder, **{key: value for key, value in choices.items() if value is not None}
-            )
+            chosen = {key: value for key, value in choices.items() if value is not None}
+            with _progress_display(transient=True) as display:
+                simulation = Simulation(loaded, output=folder, preparing=display.preparing, **chosen)
             print(f"{case} -> {folder}", flush=True)
             for line in simulation.warnings:
                 print(f"warning: {line}", file=sys.stderr, flush=True)
@@ -478,7 +481,7 @@ def _restart_problems(restart: Path | None) -> "list[Problem]":
 def _device_problems(device: str | None) -> "list[Problem]":
     if device is None or device == "cpu":
         return []  # always there: no need to start Warp to find out
-    _quieten_warp(False)
+    _quieten_warp(False, cuda=True)
     import warp
 
     names = [str(known) for known in warp.get_devices()]
@@ -536,17 +539,13 @@ def _parse_numbers(text: str, option: str, example: str) -> list[float]:
     return numbers
 
 
-def _quieten_warp(debug: bool) -> None:
+def _quieten_warp(debug: bool, cuda: bool = False) -> None:
     """Keep Warp's start-up and compilation messages out of the output, unless --debug asks for them."""
     if debug:
         return
-    import warp
+    from warpsph.start import start_warp
 
-    settings: Any = warp.config
-    if hasattr(settings, "log_level"):
-        settings.log_level = warp.LOG_WARNING
-    else:
-        settings.quiet = True
+    start_warp(cuda)
 
 
 # ---- output ----------------------------------------------------------------------------------------------
@@ -658,14 +657,33 @@ def _print_plan(case: "Case") -> None:
         )
 
 
-def _progress_display() -> AbstractContextManager[Callable[[Any], None]]:
-    """Context that yields the callback which shows the progress of a run."""
-    return _progress_bar() if sys.stdout.isatty() else nullcontext(_progress_lines())
+class _Display:
+    """Shows how far a run is: called with its progress, and before that with the number of kernels that are ready."""
+
+    def __init__(self, show: Callable[[Any], None], preparing: Callable[[int], None]) -> None:
+        self._show = show
+        self.preparing = preparing
+
+    def __call__(self, progress: Any) -> None:
+        self._show(progress)
 
 
-def _progress_lines() -> Callable[[Any], None]:
+def _progress_display(transient: bool = False) -> AbstractContextManager[_Display]:
+    """Context that yields the callback which shows the progress of a run; a transient bar is wiped out at the end."""
+    return _progress_bar(transient) if sys.stdout.isatty() else nullcontext(_progress_lines())
+
+
+def _progress_lines() -> _Display:
     """Callback that prints a line now and then."""
     last = -math.inf
+    told = time.monotonic() - PLAIN_PROGRESS_INTERVAL + PREPARING_DELAY
+
+    def preparing(ready: int) -> None:
+        nonlocal told
+        now = time.monotonic()
+        if now - told >= PLAIN_PROGRESS_INTERVAL:
+            told = now
+            print(f"compiling kernels: {ready} ready", flush=True)
 
     def show_progress(p: Any) -> None:
         nonlocal last
@@ -678,16 +696,16 @@ def _progress_lines() -> Callable[[Any], None]:
                 flush=True,
             )
 
-    return show_progress
+    return _Display(show_progress, preparing)
 
 
 @contextmanager
-def _progress_bar() -> Iterator[Callable[[Any], None]]:
-    """Callback that draws a bar on the terminal."""
+def _progress_bar(transient: bool) -> Iterator[_Display]:
+    """Callback that draws a bar on the terminal, from the first step on; before it, what is being done instead."""
     from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
 
     with Progress(
-        TextColumn("t {task.fields[time]}"),
+        TextColumn("{task.fields[time]}"),
         BarColumn(),
         TaskProgressColumn(),
         TextColumn(
@@ -695,21 +713,25 @@ def _progress_bar() -> Iterator[Callable[[Any], None]]:
             "{task.fields[left]} left"
         ),
         console=_console(),
+        transient=transient,
     ) as progress:
-        task = progress.add_task("", total=1.0, time="0 s", step="0", dt="?", mups="?", left="?")
+        task = progress.add_task("", total=1.0, time="preparing the first step ...", step="0", dt="?", mups="?", left="?")
 
         def show_progress(p: Any) -> None:
             progress.update(
                 task,
                 completed=p.share,
-                time=f"{p.time:.5g} / {p.end_time:g} s",
+                time=f"t {p.time:.5g} / {p.end_time:g} s",
                 step=str(p.step),
                 dt=f"{p.dt:.3g} s",
                 mups=f"{p.mups:.3g}",
                 left=_duration(p.seconds_left),
             )
 
-        yield show_progress
+        def preparing(ready: int) -> None:
+            progress.update(task, time=f"compiling kernels: {ready} ready ...")
+
+        yield _Display(show_progress, preparing)
 
 
 @contextmanager

@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 import math
 import os
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -23,6 +24,7 @@ from warpsph.packing import Packer
 from warpsph.particles import Particles
 from warpsph.physics import Physics, contact_matrix, derive, support_radius
 from warpsph.snapshot import Snapshot
+from warpsph.start import start_warp
 from warpsph.stepper import Stepper
 
 if TYPE_CHECKING:
@@ -33,14 +35,9 @@ RARE_WAY = 0.05  # way of the fastest particle, as share of h, after which the r
 SHIFT_CAP = 0.01  # longest shift of a step as share of h
 
 
-def quiet_warp() -> None:
-    """Keep Warp from printing its banner and compile lines."""
-    config: Any = wp.config
-    if hasattr(wp, "LOG_WARNING"):
-        config.log_level = wp.LOG_WARNING
-    else:  # before Warp 1.13
-        config.quiet = True
-    wp.init()
+def quiet_warp(device: str = "cpu") -> None:
+    """Start Warp without its banner and compile lines; a missing CUDA driver is told if the device needs one."""
+    start_warp(cuda=device.startswith("cuda"))
 
 
 def default_threads() -> int:
@@ -59,6 +56,7 @@ class Model:
         threads: threads of a CPU device (default: all processors).
         geometry: particles of the case, if they are known already.
         fresh: False if `load_state` follows: the start is then made no better than it takes to know the particles.
+        preparing: called while kernels are compiled or loaded, with the number of those that are ready.
 
     Raises:
         CapacityError: the case does not fit the memory of the device or of the machine.
@@ -76,11 +74,12 @@ class Model:
         threads: int | None = None,
         geometry: Geometry | None = None,
         fresh: bool = True,
+        preparing: Callable[[int], None] | None = None,
     ) -> None:
-        quiet_warp()
+        quiet_warp(device)
         self.case = case
         self.device = wp.get_device(device)
-        self.launcher = Launcher(self.device, threads or default_threads())
+        self.launcher = Launcher(self.device, threads or default_threads(), preparing)
         if geometry is None:
             refused = memory.shortage(case, self.device)
             if refused is not None:

@@ -79,6 +79,7 @@ class Simulation:
         device: Warp device name, "cpu" or "cuda:0".
         threads: threads of a CPU device (default: all processors).
         restart: checkpoint file, its folder, or a run folder to go on from.
+        preparing: called while kernels are compiled or loaded, with the number of those that are ready.
 
     A restart that writes into the folder of its checkpoint continues the files there and drops what is later
     than the checkpoint; another folder must be new or empty, and starts at the time of the checkpoint.
@@ -101,11 +102,12 @@ class Simulation:
         device: str = "cpu",
         threads: int | None = None,
         restart: Path | str | None = None,
+        preparing: Callable[[int], None] | None = None,
     ) -> None:
         from warpsph.model import Model, quiet_warp
 
         begin = time.perf_counter()
-        quiet_warp()
+        quiet_warp(device)
         _check_device(device)
         self.case = case
         self.summary: dict[str, Any] = {}
@@ -118,7 +120,7 @@ class Simulation:
         if restart is not None:
             self._restart = _find_checkpoint(Path(restart), self.warnings.append)
             state, attributes = checkpoint.load(self._restart)
-        self.model: Model = Model(case, device=device, threads=threads, fresh=state is None)
+        self.model: Model = Model(case, device=device, threads=threads, fresh=state is None, preparing=preparing)
         if state is not None:
             _check_fit(self.model, state, attributes)
             try:
