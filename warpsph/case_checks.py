@@ -42,6 +42,7 @@ from warpsph.case import (
 from warpsph.case_values import NAME, CaseModel, example, formula_text, suggestion
 from warpsph.errors import MISSING, ExpressionError, Problem
 from warpsph.expressions import Expression, compile_expression
+from warpsph.magnitudes import check_inputs
 
 # ----------------------------------------------------------------------------------------------------------
 # the report: pydantic's errors in the words and paths of the case file
@@ -397,7 +398,7 @@ def _check_domain(case: Any, _folder: Path | None, _raw: Any) -> _Problems:
             f"write at most {min(extent) / 2:.4g}, or enlarge the domain",
         )
     count = math.prod(length / spacing for length in extent)
-    if count > _MOST_PARTICLES:
+    if _MOST_PARTICLES < count < math.inf:  # what makes it infinite is told by itself
         fitting = (math.prod(extent) / _MOST_PARTICLES) ** (1 / len(extent))
         yield Problem(
             "particle_spacing",
@@ -936,6 +937,7 @@ def _check_file(folder: Path | None, path: str, name: str, columns: Mapping[str,
 
 
 _CHECKS: tuple[Callable[[Any, Path | None, Any], _Problems], ...] = (
+    check_inputs,
     _check_domain,
     _check_vectors,
     _check_boundary,
