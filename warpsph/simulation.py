@@ -664,7 +664,7 @@ def describe(case: Case) -> dict[str, Any]:
     return {
         "resolved": case.resolved(known),
         "structure": {
-            **{name: value for name, value in dataclasses.asdict(spec).items() if name != "row_list"},
+            **{name: value for name, value in dataclasses.asdict(spec).items() if name not in ("row_list", "wide_list")},
             "smoothing length": f"{physics.h:.6g} m",
             "support radius": f"{physics.support:.6g} m",
             "start arrangement": f"{geometry.arrangement}: {geometry.arrangement_reason}",

@@ -205,3 +205,24 @@ def test_what_a_control_group_leaves(tmp_path):
     assert memory._group_limits(tmp_path, tmp_path / "nothing") == []
     free = memory.host_free()
     assert free is None or free > 10**6
+
+
+def test_the_largest_scene_of_the_benchmark_fits_a_large_gpu(monkeypatch):
+    """32 M particles in 3-D have more list entries than 31 bits number, and fit 141 GB beside a host of 128 GiB."""
+    import importlib.util
+
+    from warpsph.case import Case
+    from warpsph.neighbours import LARGEST_NARROW
+
+    spec = importlib.util.spec_from_file_location("bench_speed", ROOT / "scripts" / "bench_speed.py")
+    bench = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(bench)
+    monkeypatch.setattr(memory, "host_free", lambda: 100_000_000_000)
+    for name in ("box 32M", "box 32M default"):
+        case = Case.from_dict(bench.SCENES[name][0]())
+        found = memory.count(case, support_radius(case))
+        assert found.particles == 318**3 > 32_000_000
+        assert 100 * found.particles > LARGEST_NARROW
+        assert memory.shortage(case, SimpleNamespace(is_cpu=False, free_memory=140_000_000_000)) is None
+        small = memory.shortage(case, SimpleNamespace(is_cpu=False, free_memory=20_000_000_000))
+        assert "their run takes" in str(small) and "would fit" in str(small)
