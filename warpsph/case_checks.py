@@ -398,12 +398,14 @@ def _check_domain(case: Any, _folder: Path | None, _raw: Any) -> _Problems:
             f"write at most {min(extent) / 2:.4g}, or enlarge the domain",
         )
     count = math.prod(length / spacing for length in extent)
-    if _MOST_PARTICLES < count < math.inf:  # what makes it infinite is told by itself
-        fitting = (math.prod(extent) / _MOST_PARTICLES) ** (1 / len(extent))
+    if count > _MOST_PARTICLES:
+        told = f"{count:.3g}" if math.isfinite(count) else "more than 1e308"
+        # by logarithms: the volume of a domain may be beyond what a number holds
+        fitting = math.exp((sum(map(math.log, extent)) - math.log(_MOST_PARTICLES)) / len(extent))
         yield Problem(
             "particle_spacing",
             spacing,
-            f"makes {count:.3g} particles in the domain, at most 2^31 - 1",
+            f"makes {told} particles in the domain, at most 2^31 - 1",
             f"write at least {fitting * 1.01:.4g}",
         )
 

@@ -1,8 +1,8 @@
-"""Numbers that a run cannot hold: inputs and what follows from them against the precision, the steps against their counter.
+"""Numbers that a run cannot hold: inputs and what follows from them against the precision, the steps against the time.
 
 Nothing here is a limit of taste. A number is refused because it, or a number that the kernels are given, is beyond what the
-precision represents, or because the run would take more steps than are counted. The key that is named is the most extreme
-one of those that may be to blame.
+precision represents, or because time would stand still: its step could not be added to the end time in float64. The key that
+is named is the most extreme one of those that may be to blame.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from warpsph.geometry import Geometry
     from warpsph.physics import Physics
 
-MOST_STEPS = 2**31 - 1  # the device counts them with 31 bits
+MOST_STEPS = 2**52  # beyond them a step is lost when it is added to a time near the end, in float64
 EXTREME = 9.0  # powers of ten from 1 at which an input, not the length of the run, is to blame for its steps
 FASTEST = 10.0  # speeds up to so many times the speed of sound are told from a run that diverges
 
@@ -50,7 +50,8 @@ def inputs(case: Any) -> Iterator[Input]:
         yield f"scales.{key}", getattr(case.scales, key)
     if case.numerics.maximum_step is not None:
         yield "numerics.maximum_step", case.numerics.maximum_step
-    for axis, sides in zip("xyz", case.sides, strict=False):
+    for axis in "xyz"[: case.dimension]:
+        sides = getattr(case.domain.boundary, axis)
         for end in ("lower", "upper"):
             for k, x in enumerate(getattr(sides, end).velocity or ()):
                 yield f"domain.boundary.{axis}.{end}.velocity.{k}", x
@@ -138,7 +139,7 @@ def _check_derived(case: Case, physics: Physics) -> Iterator[Problem]:
     if step > 0 and case.end_time / step <= MOST_STEPS:
         return
     steps = case.end_time / step if step > 0 else math.inf
-    rule = f"makes a run of {steps:.3g} steps of {step:.3g} s, more than the {MOST_STEPS} that are counted"
+    rule = f"makes a run of {steps:.3g} steps of {step:.3g} s, more than the {MOST_STEPS:.2g} that its time tells apart"
     if abs(math.log10(abs(value))) < EXTREME:
         path, value = "end_time", case.end_time
         yield Problem(path, value, rule, f"write at most {MOST_STEPS * step:.3g}")

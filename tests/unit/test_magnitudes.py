@@ -26,7 +26,7 @@ ABSURD = {
     "no sound speed": (VORTICES, {"phases.water.sound_speed": 1e-30}, "phases.water.sound_speed", "stiffness"),
     "tension": (DROP, {"surface_tension.0.coefficient": 1e30}, "surface_tension.0.coefficient", "steps"),
     "time": (VORTICES, {"end_time": 1e300}, "end_time", "steps"),
-    "a long time": (VORTICES, {"end_time": 1e8}, "end_time", "steps"),
+    "a long time": (VORTICES, {"end_time": 1e16}, "end_time", "steps"),
     "step": (VORTICES, {"numerics.maximum_step": 1e-300}, "numerics.maximum_step", "steps"),
     "size": (VORTICES, {"domain.upper": [1e300, 1e300]}, "domain.upper.0", "beyond the numbers"),
     "a large world": (
