@@ -26,7 +26,7 @@ from .clock import (
     USELESS,
 )
 from .mirror import NO_WALL, code_shift, make_images, make_sides
-from .pair import BAND, NEAR, WRAPPED
+from .pair import BAND, NEAR, WRAPPED, list_access, make_entry
 from .spec import Spec, types, types_of
 
 
@@ -183,6 +183,7 @@ def make_list(spec: Spec) -> Any:
     px, py, pz = ([*spec.periodic, False, False])[:3]
     dim = spec.dimension
     any_periodic = any(spec.periodic)
+    list_begin, list_step, _, Listed, store = make_entry(spec.row_list, spec.wide_list)
 
     @wp.func
     def at_edge(c: wp.vec3i, grid: Grid):
@@ -220,11 +221,12 @@ def make_list(spec: Spec) -> Any:
         grid: Grid,
         phase: wp.array(dtype=wp.int8),
         anchor: wp.array(dtype=vec),
-        neighbours: wp.array(dtype=int),
+        neighbours: Listed,
     ):
         count = state[0]
         flag = state[1]
-        base = i * list_width
+        base = list_begin(i, list_width)
+        step = list_step(particle_count)
         last = list_width - 1
         j = int(begin)
         while j < end:
@@ -250,7 +252,7 @@ def make_list(spec: Spec) -> Any:
             if wp.static(spec.row_list):
                 # about half of the candidates are neighbours: storing all and counting those spares the branch,
                 # which a CPU would guess wrong every other time
-                neighbours[base + wp.min(count, last)] = j + mark
+                store(neighbours, i, base + wp.min(count, last), j + mark)
                 hit = int(wp.dot(d, d) < grid.list_radius2) * int(j != i or mark != 0)
                 count += hit
                 if wp.static(spec.multiphase):
@@ -259,7 +261,7 @@ def make_list(spec: Spec) -> Any:
             else:
                 if wp.dot(d, d) < grid.list_radius2 and (j != i or mark != 0):
                     if count < list_width:
-                        neighbours[count * particle_count + i] = j + mark
+                        store(neighbours, i, base + count * step, j + mark)
                     count += 1
                     if wp.static(spec.multiphase):
                         if own >= 0:
@@ -284,7 +286,7 @@ def make_list(spec: Spec) -> Any:
         cell_start: wp.array(dtype=int),
         phase: wp.array(dtype=wp.int8),
         anchor: wp.array(dtype=vec),
-        neighbours: wp.array(dtype=int),
+        neighbours: Listed,
     ):
         low = cx - 2
         high = cx + 2
@@ -325,7 +327,7 @@ def make_list(spec: Spec) -> Any:
         cell_start: wp.array(dtype=int),
         phase: wp.array(dtype=wp.int8),
         anchor: wp.array(dtype=vec),
-        neighbours: wp.array(dtype=int),
+        neighbours: Listed,
     ):
         s = state
         y0 = int(0)
@@ -388,7 +390,7 @@ def make_list(spec: Spec) -> Any:
         cell_start: wp.array(dtype=int),
         phase: wp.array(dtype=wp.int8),
         anchor: wp.array(dtype=vec),
-        neighbours: wp.array(dtype=int),
+        neighbours: Listed,
         fluid_neighbours: wp.array(dtype=wp.int16),
         wall_neighbours: wp.array(dtype=wp.int16),
         flags: wp.array(dtype=wp.uint8),
@@ -488,13 +490,14 @@ def make_band(spec: Spec) -> tuple[Any, Any]:
     """
     real, vec, _, _ = types_of(spec)
     tension = spec.tension != "none"
+    list_begin, list_step, neighbour, Listed = list_access(spec)
 
     @wp.kernel(module="unique", enable_backward=False)
     def mark_band(
         first: int,
         particle_count: int,
         list_width: int,
-        neighbours: wp.array(dtype=int),
+        neighbours: Listed,
         fluid_neighbours: wp.array(dtype=wp.int16),
         flags: wp.array(dtype=wp.uint8),
         band_mark: wp.array(dtype=int),
@@ -508,12 +511,12 @@ def make_band(spec: Spec) -> tuple[Any, Any]:
         if (int(flags[i]) & NEAR) != 0:
             mark = 1
         else:
-            for k in range(int(fluid_neighbours[i])):
-                j = int(0)
-                if wp.static(spec.row_list):
-                    j = neighbours[i * list_width + k]
-                else:
-                    j = neighbours[k * particle_count + i]
+            k = list_begin(i, list_width)
+            step = list_step(particle_count)
+            end = k + int(fluid_neighbours[i]) * step
+            while k < end:
+                j = neighbour(neighbours, i, k)
+                k += step
                 if (int(flags[j]) & NEAR) != 0:
                     mark = 1
                     break

@@ -18,7 +18,7 @@ from typing import Any
 import warp as wp
 
 from .clock import BAND_COUNT
-from .pair import BAND, make_entry, separation_of
+from .pair import BAND, list_access, separation_of
 from .params import make_params
 from .smoothing import KERNELS, make_smoothing
 from .spec import SWEEP_OPTIONS, Spec, types, types_of
@@ -58,7 +58,7 @@ def make_contact(spec: Spec) -> Any:
     Params = make_params(spec.dimension, spec.precision)
     shape, slope = make_smoothing(spec.kernel, spec.precision)
     separation = separation_of(spec)
-    list_begin, list_step = make_entry(spec.row_list)
+    list_begin, list_step, neighbour, Listed = list_access(spec)
     wall_normal = make_wall_normal(spec.dimension, spec.precision)
     reach = KERNELS[spec.kernel].support
 
@@ -70,7 +70,7 @@ def make_contact(spec: Spec) -> Any:
         params: Params,
         counters: wp.array(dtype=int),
         band: wp.array(dtype=int),
-        neighbours: wp.array(dtype=int),
+        neighbours: Listed,
         fluid_neighbours: wp.array(dtype=wp.int16),
         wall_neighbours: wp.array(dtype=wp.int16),
         flags: wp.array(dtype=wp.uint8),
@@ -100,7 +100,7 @@ def make_contact(spec: Spec) -> Any:
         wall = vec()
         k = middle
         while k < end:
-            d = separation(xi, position[neighbours[k]], True, params)
+            d = separation(xi, position[neighbour(neighbours, i, k)], True, params)
             k += step
             wall -= slope(wp.sqrt(wp.dot(d, d)) * params.inv_h) * d
         size = wp.length(wall)
@@ -113,7 +113,7 @@ def make_contact(spec: Spec) -> Any:
         depth = support
         k = middle
         while k < end:
-            d = separation(xi, position[neighbours[k]], True, params)
+            d = separation(xi, position[neighbour(neighbours, i, k)], True, params)
             k += step
             if wp.dot(d, d) < support * support:
                 depth = wp.min(depth, wp.dot(d, wall))
@@ -124,7 +124,7 @@ def make_contact(spec: Spec) -> Any:
         cosine = every * contact_cosine[i]
         k = begin
         while k < middle:
-            j = neighbours[k]
+            j = neighbour(neighbours, i, k)
             k += step
             if phase[j] == own:
                 d = separation(xi, position[j], True, params)

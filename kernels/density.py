@@ -10,7 +10,7 @@ import warp as wp
 
 from .clock import STEP
 from .eos import make_eos
-from .pair import NEAR, WRAPPED, make_entry, separation_of
+from .pair import NEAR, WRAPPED, list_access, separation_of
 from .params import make_params, make_phase
 from .riemann import make_jump, make_star
 from .smoothing import make_smoothing
@@ -57,7 +57,7 @@ def make_continuity(spec: Spec) -> Any:
     eos = make_eos(spec.precision)
     _, slope = make_smoothing(spec.kernel, spec.precision)
     separation = separation_of(spec)
-    list_begin, list_step = make_entry(spec.row_list)
+    list_begin, list_step, neighbour, Listed = list_access(spec)
     star_velocity, _ = make_star(spec.precision, spec.paper_star)
     laplace_jump = make_jump(spec.precision)
     periodic = any(spec.periodic)
@@ -76,7 +76,7 @@ def make_continuity(spec: Spec) -> Any:
         tension: wp.array(dtype=real),
         clock: wp.array(dtype=wp.float64),
         velocity_gradient: wp.array(dtype=mat),
-        neighbours: wp.array(dtype=int),
+        neighbours: Listed,
         fluid_neighbours: wp.array(dtype=wp.int16),
         wall_neighbours: wp.array(dtype=wp.int16),
         flags: wp.array(dtype=wp.uint8),
@@ -125,7 +125,7 @@ def make_continuity(spec: Spec) -> Any:
                     kappa_i = curvature[i]
                     w_i = interface_weight[i]
                 while k < end:
-                    j = neighbours[k]
+                    j = neighbour(neighbours, i, k)
                     k += step
                     d = separation(xi, midway[j], wrapped, params)
                     r = wp.sqrt(wp.dot(d, d))
@@ -169,7 +169,7 @@ def make_continuity(spec: Spec) -> Any:
                         )
                         rate += real(2.0) * f * (wp.dot(vi, d) + r * u_star)
         while k < end:
-            j = neighbours[k]
+            j = neighbour(neighbours, i, k)
             k += step
             d = separation(xi, midway[j], wrapped, params)
             r = wp.sqrt(wp.dot(d, d))
@@ -188,7 +188,7 @@ def make_continuity(spec: Spec) -> Any:
             # one-sided Riemann problem: the mirrored state makes u* the wall velocity, no pressure difference left
             end += int(wall_neighbours[i]) * step
             while k < end:
-                j = neighbours[k]
+                j = neighbour(neighbours, i, k)
                 k += step
                 d = separation(xi, position[j], wrapped, params)
                 r = wp.sqrt(wp.dot(d, d))

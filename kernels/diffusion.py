@@ -28,7 +28,7 @@ import warp as wp
 
 from .clock import STEP, VISCOUS_STEP
 from .mirror import NO_SLIP, code_shift, make_images, make_sides
-from .pair import WRAPPED, make_entry
+from .pair import WRAPPED, list_access, make_entry
 from .params import make_params, make_phase
 from .projection import make_weights
 from .smoothing import make_smoothing
@@ -64,7 +64,9 @@ def make_diffusion(spec: Spec) -> tuple[Any, Any, Any]:
     _, slope = make_smoothing(spec.kernel, spec.precision)
     apart = make_images(spec).apart
     viscous_term = make_viscosity(spec.viscosity, spec.dimension, spec.precision)
-    list_begin, list_step = make_entry(spec.row_list)
+    list_begin, list_step, neighbour, Listed = list_access(spec)
+    row_begin, row_stride, _, Columns, put_column = make_entry(spec.row_list, spec.wide_list)
+    _, _, _, Values, put_value = make_entry(spec.row_list, spec.wide_list, real)
     time_weights = make_weights(spec.second_order)
     periodic = any(spec.periodic)
     image_bit = code_shift(spec.dimension)
@@ -94,15 +96,15 @@ def make_diffusion(spec: Spec) -> tuple[Any, Any, Any]:
         sides: Sides,
         phases: wp.array(dtype=Phase),
         clock: wp.array(dtype=wp.float64),
-        neighbours: wp.array(dtype=int),
+        neighbours: Listed,
         fluid_neighbours: wp.array(dtype=wp.int16),
         wall_neighbours: wp.array(dtype=wp.int16),
         flags: wp.array(dtype=wp.uint8),
         position: wp.array(dtype=vec),
         rest_volume: wp.array(dtype=real),
         slip: wp.array(dtype=wp.uint8),
-        matrix_columns: wp.array(dtype=int),
-        matrix_values: wp.array(dtype=real),
+        matrix_columns: Columns,
+        matrix_values: Values,
         matrix_counts: wp.array(dtype=wp.int16),
         matrix_diagonal: wp.array(dtype=real),
     ):
@@ -119,13 +121,13 @@ def make_diffusion(spec: Spec) -> tuple[Any, Any, Any]:
         along[component] = real(1.0)
         diagonal = share
         count = int(0)
-        entry = list_begin(i, matrix_width)
+        entry = row_begin(i, matrix_width)
         k = list_begin(i, list_width)
         step = list_step(particle_count)
-        row_step = list_step(fluid_count)
+        row_step = row_stride(fluid_count)
         end = k + int(fluid_neighbours[i]) * step
         while k < end:
-            j = neighbours[k]
+            j = neighbour(neighbours, i, k)
             k += step
             code = int(0)
             if wp.static(spec.mirror):
@@ -144,15 +146,15 @@ def make_diffusion(spec: Spec) -> tuple[Any, Any, Any]:
             if j == i:
                 diagonal -= other  # an own image
             elif w > real(0.0):
-                matrix_columns[entry] = j
-                matrix_values[entry] = -other
+                put_column(matrix_columns, i, entry, j)
+                put_value(matrix_values, i, entry, -other)
                 entry += row_step
                 count += 1
         if wp.static(spec.walls and spec.wall_no_slip):
             wall_first = particle_count - slip.shape[0]
             end += int(wall_neighbours[i]) * step
             while k < end:
-                j = neighbours[k]
+                j = neighbour(neighbours, i, k)
                 k += step
                 if slip[j - wall_first] == wp.uint8(0):
                     d = apart(xi, position[j], 0, wrapped, params, sides)

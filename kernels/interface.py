@@ -17,7 +17,7 @@ from typing import Any
 import warp as wp
 
 from .clock import BAND_COUNT
-from .pair import BAND, NEAR, make_entry, separation_of
+from .pair import BAND, NEAR, list_access, separation_of
 from .params import make_params, make_phase
 from .smoothing import make_smoothing
 from .spec import SWEEP_OPTIONS, Spec, types_of
@@ -31,7 +31,7 @@ def make_fraction(spec: Spec) -> Any:
     Phase = make_phase(spec.precision)
     shape, _ = make_smoothing(spec.kernel, spec.precision)
     separation = separation_of(spec)
-    list_begin, list_step = make_entry(spec.row_list)
+    list_begin, list_step, neighbour, Listed = list_access(spec)
 
     @wp.kernel(module="unique", enable_backward=False, module_options=SWEEP_OPTIONS)
     def own_fraction(
@@ -41,7 +41,7 @@ def make_fraction(spec: Spec) -> Any:
         params: Params,
         counters: wp.array(dtype=int),
         band: wp.array(dtype=int),
-        neighbours: wp.array(dtype=int),
+        neighbours: Listed,
         fluid_neighbours: wp.array(dtype=wp.int16),
         flags: wp.array(dtype=wp.uint8),
         phase: wp.array(dtype=wp.int8),
@@ -73,7 +73,7 @@ def make_fraction(spec: Spec) -> Any:
         step = list_step(particle_count)
         end = k + int(fluid_neighbours[i]) * step
         while k < end:
-            j = neighbours[k]
+            j = neighbour(neighbours, i, k)
             k += step
             d = separation(xi, position[j], True, params)
             w = shape(wp.sqrt(wp.dot(d, d)) * params.inv_h) * state[j][1]
@@ -96,7 +96,7 @@ def make_normal(spec: Spec) -> Any:
     Params = make_params(spec.dimension, spec.precision)
     _, slope = make_smoothing(spec.kernel, spec.precision)
     separation = separation_of(spec)
-    list_begin, list_step = make_entry(spec.row_list)
+    list_begin, list_step, neighbour, Listed = list_access(spec)
 
     @wp.kernel(module="unique", enable_backward=False, module_options=SWEEP_OPTIONS)
     def colour_normal(
@@ -106,7 +106,7 @@ def make_normal(spec: Spec) -> Any:
         params: Params,
         counters: wp.array(dtype=int),
         band: wp.array(dtype=int),
-        neighbours: wp.array(dtype=int),
+        neighbours: Listed,
         fluid_neighbours: wp.array(dtype=wp.int16),
         flags: wp.array(dtype=wp.uint8),
         phase: wp.array(dtype=wp.int8),
@@ -131,7 +131,7 @@ def make_normal(spec: Spec) -> Any:
         step = list_step(particle_count)
         end = k + int(fluid_neighbours[i]) * step
         while k < end:
-            j = neighbours[k]
+            j = neighbour(neighbours, i, k)
             k += step
             d = separation(xi, position[j], True, params)
             share = fraction[j]
@@ -156,7 +156,7 @@ def make_curvature(spec: Spec) -> Any:
     Params = make_params(spec.dimension, spec.precision)
     _, slope = make_smoothing(spec.kernel, spec.precision)
     separation = separation_of(spec)
-    list_begin, list_step = make_entry(spec.row_list)
+    list_begin, list_step, neighbour, Listed = list_access(spec)
     d_real = float(spec.dimension)
     smallest_moment = 0.02
 
@@ -168,7 +168,7 @@ def make_curvature(spec: Spec) -> Any:
         params: Params,
         counters: wp.array(dtype=int),
         band: wp.array(dtype=int),
-        neighbours: wp.array(dtype=int),
+        neighbours: Listed,
         fluid_neighbours: wp.array(dtype=wp.int16),
         flags: wp.array(dtype=wp.uint8),
         phase: wp.array(dtype=wp.int8),
@@ -196,7 +196,7 @@ def make_curvature(spec: Spec) -> Any:
             step = list_step(particle_count)
             end = k + int(fluid_neighbours[i]) * step
             while k < end:
-                j = neighbours[k]
+                j = neighbour(neighbours, i, k)
                 k += step
                 if interface_weight[j] > real(0.0):
                     d = separation(xi, position[j], True, params)

@@ -14,7 +14,7 @@ from typing import Any
 
 import warp as wp
 
-from .pair import NEAR, make_entry, separation_of
+from .pair import NEAR, list_access, separation_of
 from .params import make_params
 from .smoothing import make_smoothing
 from .spec import SWEEP_OPTIONS, Spec, types_of
@@ -27,7 +27,7 @@ def make_interface_flow(spec: Spec) -> Any:
     Params = make_params(spec.dimension, spec.precision)
     _, slope = make_smoothing(spec.kernel, spec.precision)
     separation = separation_of(spec)
-    list_begin, list_step = make_entry(spec.row_list)
+    list_begin, list_step, neighbour, Listed = list_access(spec)
     # Determinant of the own phase's moment: 1 inside a fluid, 0.5^d at a flat surface. Below the first the gradient fades,
     # below the second it is zero: a drop of a few particles moves as one.
     full, none = 0.3**spec.dimension, 0.15**spec.dimension
@@ -40,7 +40,7 @@ def make_interface_flow(spec: Spec) -> Any:
         particle_count: int,
         list_width: int,
         params: Params,
-        neighbours: wp.array(dtype=int),
+        neighbours: Listed,
         fluid_neighbours: wp.array(dtype=wp.int16),
         wall_neighbours: wp.array(dtype=wp.int16),
         flags: wp.array(dtype=wp.uint8),
@@ -68,7 +68,7 @@ def make_interface_flow(spec: Spec) -> Any:
         step = list_step(particle_count)
         end = k + int(fluid_neighbours[i]) * step
         while k < end:
-            j = neighbours[k]
+            j = neighbour(neighbours, i, k)
             k += step
             d = separation(xi, position[j], True, params)
             fd = (slope(wp.sqrt(wp.dot(d, d)) * params.inv_h) * state[j][1]) * d
@@ -81,7 +81,7 @@ def make_interface_flow(spec: Spec) -> Any:
         if wp.static(spec.wall_no_slip):
             end += int(wall_neighbours[i]) * step
             while k < end:
-                j = neighbours[k]
+                j = neighbour(neighbours, i, k)
                 k += step
                 if slip[j - fluid_count] == wp.uint8(0):
                     d = separation(xi, position[j], True, params)

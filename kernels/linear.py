@@ -161,7 +161,7 @@ return total;
 
 
 @functools.cache
-def make_product(precision: str, row_list: bool, count_type: Any) -> tuple[Any, Any, Any]:
+def make_product(precision: str, row_list: bool, count_type: Any, wide: bool = False) -> tuple[Any, Any, Any]:
     """Return the `wp.func`s (row_product, summed_product, exact_product): row i of A x.
 
     The first is evaluated in the precision of the matrix and good for smoothing; the others in float64, of a vector in the
@@ -171,6 +171,7 @@ def make_product(precision: str, row_list: bool, count_type: Any) -> tuple[Any, 
     real = types(2, precision).real
     layout = {"begin": "(size_t)i * width", "step": "1"} if row_list else {"begin": "i", "step": "n"}
     number = {"float32": "float", "float64": "double"}[precision]
+    Columns, Values = make_entry(row_list, wide).array, make_entry(row_list, wide, real).array
 
     @wp.func_native(ROW_PRODUCT.format(number=number, **layout))
     def row_product(
@@ -178,8 +179,8 @@ def make_product(precision: str, row_list: bool, count_type: Any) -> tuple[Any, 
         n: int,
         width: int,
         counts: wp.array(dtype=count_type),
-        columns: wp.array(dtype=int),
-        values: wp.array(dtype=real),
+        columns: Columns,
+        values: Values,
         excess: wp.array(dtype=real),
         x: wp.array(dtype=real),
     ) -> real: ...
@@ -190,8 +191,8 @@ def make_product(precision: str, row_list: bool, count_type: Any) -> tuple[Any, 
         n: int,
         width: int,
         counts: wp.array(dtype=count_type),
-        columns: wp.array(dtype=int),
-        values: wp.array(dtype=real),
+        columns: Columns,
+        values: Values,
         excess: wp.array(dtype=real),
         x: wp.array(dtype=real),
     ) -> wp.float64: ...
@@ -202,8 +203,8 @@ def make_product(precision: str, row_list: bool, count_type: Any) -> tuple[Any, 
         n: int,
         width: int,
         counts: wp.array(dtype=count_type),
-        columns: wp.array(dtype=int),
-        values: wp.array(dtype=real),
+        columns: Columns,
+        values: Values,
         excess: wp.array(dtype=real),
         x: wp.array(dtype=wp.float64),
     ) -> wp.float64: ...
@@ -240,7 +241,7 @@ class Kernels(NamedTuple):
 
 
 @functools.cache
-def make_kernels(precision: str, row_list: bool, count_type: Any) -> Kernels:
+def make_kernels(precision: str, row_list: bool, count_type: Any, wide: bool = False) -> Kernels:
     """Return the kernels of both solvers for a precision, a list layout and the integer type of `counts`.
 
     Names of arrays: rhs b, x start value and result, solution the float64 sum, residual r, scaled z = M r (at first
@@ -249,8 +250,9 @@ def make_kernels(precision: str, row_list: bool, count_type: Any) -> Kernels:
     """
     real = types(2, precision).real
     store_sums, total_sums = make_sums(row_list)
-    _, summed_product, exact_product = make_product(precision, row_list, count_type)
-    list_begin, list_step = make_entry(row_list)
+    _, summed_product, exact_product = make_product(precision, row_list, count_type, wide)
+    Columns = make_entry(row_list, wide).array
+    list_begin, list_step, value_at, Values, _ = make_entry(row_list, wide, real)
     rounding, coupled = ROUNDING[precision], COUPLED[precision]
     reach2 = REACH[precision] ** 2
     kept2 = (UNIT[precision] / COUNTS) ** 2
@@ -272,7 +274,7 @@ def make_kernels(precision: str, row_list: bool, count_type: Any) -> Kernels:
         chunk: int,
         width: int,
         counts: wp.array(dtype=count_type),
-        values: wp.array(dtype=real),
+        values: Values,
         diagonal: wp.array(dtype=real),
         rhs: wp.array(dtype=real),
         x: wp.array(dtype=real),
@@ -293,7 +295,7 @@ def make_kernels(precision: str, row_list: bool, count_type: Any) -> Kernels:
             total = wp.float64(d)
             k = list_begin(i, width)
             for _entry in range(int(counts[i])):
-                total += wp.float64(values[k])
+                total += wp.float64(value_at(values, i, k))
                 k += step
             if wp.abs(total) < wp.float64(wp.static(rounding)) * wp.abs(d):
                 total = zero
@@ -371,8 +373,8 @@ def make_kernels(precision: str, row_list: bool, count_type: Any) -> Kernels:
         width: int,
         weight: real,
         counts: wp.array(dtype=count_type),
-        columns: wp.array(dtype=int),
-        values: wp.array(dtype=real),
+        columns: Columns,
+        values: Values,
         excess: wp.array(dtype=real),
         inverse: wp.array(dtype=real),
         rhs: wp.array(dtype=real),
@@ -503,8 +505,8 @@ def make_kernels(precision: str, row_list: bool, count_type: Any) -> Kernels:
         chunk: int,
         width: int,
         counts: wp.array(dtype=count_type),
-        columns: wp.array(dtype=int),
-        values: wp.array(dtype=real),
+        columns: Columns,
+        values: Values,
         excess: wp.array(dtype=real),
         search: wp.array(dtype=real),
         product: wp.array(dtype=real),
@@ -669,8 +671,8 @@ def make_kernels(precision: str, row_list: bool, count_type: Any) -> Kernels:
         chunk: int,
         width: int,
         counts: wp.array(dtype=count_type),
-        columns: wp.array(dtype=int),
-        values: wp.array(dtype=real),
+        columns: Columns,
+        values: Values,
         excess: wp.array(dtype=real),
         scaled: wp.array(dtype=real),
         shadow: wp.array(dtype=real),
@@ -742,8 +744,8 @@ def make_kernels(precision: str, row_list: bool, count_type: Any) -> Kernels:
         chunk: int,
         width: int,
         counts: wp.array(dtype=count_type),
-        columns: wp.array(dtype=int),
-        values: wp.array(dtype=real),
+        columns: Columns,
+        values: Values,
         excess: wp.array(dtype=real),
         scaled2: wp.array(dtype=real),
         residual: wp.array(dtype=real),

@@ -9,7 +9,7 @@ from typing import Any
 
 import warp as wp
 
-from .pair import make_entry, separation_of
+from .pair import list_access, separation_of
 from .params import make_params, make_phase
 from .smoothing import make_smoothing
 from .spec import SWEEP_OPTIONS, Spec, types_of
@@ -24,7 +24,7 @@ def make_load(spec: Spec) -> Any:
     Phase = make_phase(spec.precision)
     _, slope = make_smoothing(spec.kernel, spec.precision)
     separation = separation_of(spec)
-    list_begin, list_step = make_entry(spec.row_list)
+    list_begin, list_step, neighbour, Listed = list_access(spec)
     form = spec.viscosity if spec.viscosity != "none" else "morris"
     viscous_term = make_viscosity(form, spec.dimension, spec.precision)
 
@@ -36,7 +36,7 @@ def make_load(spec: Spec) -> Any:
         list_width: int,
         params: Params,
         phases: wp.array(dtype=Phase),
-        neighbours: wp.array(dtype=int),
+        neighbours: Listed,
         fluid_neighbours: wp.array(dtype=wp.int16),
         phase: wp.array(dtype=wp.int8),
         position: wp.array(dtype=vec),
@@ -57,7 +57,7 @@ def make_load(spec: Spec) -> Any:
         step = list_step(particle_count)
         end = k + int(fluid_neighbours[i]) * step
         while k < end:
-            j = neighbours[k]
+            j = neighbour(neighbours, i, k)
             k += step
             d = separation(position[j], xi, True, params)  # from the wall particle to the fluid particle
             r2 = wp.dot(d, d)

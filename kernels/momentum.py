@@ -26,7 +26,7 @@ from typing import Any
 import warp as wp
 
 from .clock import MAXIMA, STEP
-from .pair import BAND, NEAR, WRAPPED, make_entry, separation_of
+from .pair import BAND, NEAR, WRAPPED, list_access, separation_of
 from .params import make_params, make_phase
 from .riemann import make_jump, make_star, make_one_sided
 from .smoothing import make_smoothing
@@ -42,7 +42,7 @@ def make_momentum(spec: Spec) -> Any:
     Phase = make_phase(spec.precision)
     _, slope = make_smoothing(spec.kernel, spec.precision)
     separation = separation_of(spec)
-    list_begin, list_step = make_entry(spec.row_list)
+    list_begin, list_step, neighbour, Listed = list_access(spec)
     _, star_pressure = make_star(spec.precision, spec.paper_star)
     laplace_jump = make_jump(spec.precision)
     wall_pressure, wall_reaction = make_one_sided(spec.dimension, spec.precision)
@@ -73,7 +73,7 @@ def make_momentum(spec: Spec) -> Any:
         phases: wp.array(dtype=Phase),
         tension: wp.array(dtype=real),
         clock: wp.array(dtype=wp.float64),
-        neighbours: wp.array(dtype=int),
+        neighbours: Listed,
         fluid_neighbours: wp.array(dtype=wp.int16),
         wall_neighbours: wp.array(dtype=wp.int16),
         flags: wp.array(dtype=wp.uint8),
@@ -142,7 +142,7 @@ def make_momentum(spec: Spec) -> Any:
                     kappa_i = curvature[i]
                     w_i = interface_weight[i]
                 while k < end:
-                    j = neighbours[k]
+                    j = neighbour(neighbours, i, k)
                     k += step
                     d = separation(xi, position[j], wrapped, params)
                     r2 = wp.dot(d, d)
@@ -197,7 +197,7 @@ def make_momentum(spec: Spec) -> Any:
                     if wp.static(viscous):
                         viscous_sum += (mu * f) * viscous_term(vi - velocity[j], d, r2 + params.tiny, params.inv_h)
         while k < end:
-            j = neighbours[k]
+            j = neighbour(neighbours, i, k)
             k += step
             d = separation(xi, position[j], wrapped, params)
             r2 = wp.dot(d, d)
@@ -226,7 +226,7 @@ def make_momentum(spec: Spec) -> Any:
         if wp.static(spec.walls):
             end += int(wall_neighbours[i]) * step
             while k < end:
-                j = neighbours[k]
+                j = neighbour(neighbours, i, k)
                 k += step
                 d = separation(xi, position[j], wrapped, params)
                 r2 = wp.dot(d, d)

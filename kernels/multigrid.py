@@ -29,6 +29,7 @@ from typing import Any, NamedTuple
 import warp as wp
 
 from .linear import RESIDUAL_MEAN, barrier, make_product, make_sums
+from .pair import make_entry
 from .spec import SWEEP_OPTIONS, types
 
 # what an axis does from a level to the next coarser one
@@ -143,8 +144,8 @@ class Kernels(NamedTuple):
 
 
 @functools.cache
-def make_kernels(dimension: int, precision: str, row_list: bool, count_type: Any) -> Kernels:
-    """Return the kernels for a dimension (2 or 3), a precision, a layout and the integer type of the matrix' counts.
+def make_kernels(dimension: int, precision: str, row_list: bool, count_type: Any, wide: bool = False) -> Kernels:
+    """Return the kernels for a dimension (2 or 3), a precision, the layout of the matrix and the integer type of its counts.
 
     Set-up: keys and ranges (cell index of the particles, around a radix sort), elements, coarse_elements and stencils (one
     level a launch), small_setup (all small levels by one block). Cycle: residual, collect and gather (to the grid),
@@ -154,7 +155,8 @@ def make_kernels(dimension: int, precision: str, row_list: bool, count_type: Any
     real, vec, mat, _ = types(dimension, precision)
     Frame = make_frame(dimension, precision)
     store_sums, _ = make_sums(row_list)
-    row_product, _, _ = make_product(precision, row_list, count_type)
+    row_product, _, _ = make_product(precision, row_list, count_type, wide)
+    Columns, Values = make_entry(row_list, wide).array, make_entry(row_list, wide, real).array
     corners = 2**dimension
     size = 3**dimension
     centre = size // 2
@@ -696,8 +698,8 @@ def make_kernels(dimension: int, precision: str, row_list: bool, count_type: Any
         chunk: int,
         width: int,
         counts: wp.array(dtype=count_type),
-        columns: wp.array(dtype=int),
-        values: wp.array(dtype=real),
+        columns: Columns,
+        values: Values,
         excess: wp.array(dtype=real),
         source: wp.array(dtype=real),
         result: wp.array(dtype=real),
@@ -820,8 +822,8 @@ def make_kernels(dimension: int, precision: str, row_list: bool, count_type: Any
         width: int,
         weight: real,
         counts: wp.array(dtype=count_type),
-        columns: wp.array(dtype=int),
-        values: wp.array(dtype=real),
+        columns: Columns,
+        values: Values,
         excess: wp.array(dtype=real),
         inverse: wp.array(dtype=real),
         source: wp.array(dtype=real),

@@ -17,7 +17,7 @@ from typing import Any
 
 import warp as wp
 
-from .pair import WRAPPED, make_entry, separation_of
+from .pair import WRAPPED, list_access, separation_of
 from .params import make_params
 from .smoothing import make_smoothing
 from .spec import SWEEP_OPTIONS, Spec, types_of
@@ -60,7 +60,7 @@ def make_packing(spec: Spec) -> tuple[Any, Any]:
     Cloud = make_cloud(spec.dimension, spec.precision)
     _, slope = make_smoothing(spec.kernel, spec.precision)
     separation = separation_of(spec)
-    list_begin, list_step = make_entry(spec.row_list)
+    list_begin, list_step, neighbour, Listed = list_access(spec)
     dim = spec.dimension
     px, py, pz = ([*spec.periodic, False, False])[:3]
     any_periodic = any(spec.periodic)
@@ -170,7 +170,7 @@ def make_packing(spec: Spec) -> tuple[Any, Any]:
         list_width: int,
         params: Params,
         cloud: Cloud,
-        neighbours: wp.array(dtype=int),
+        neighbours: Listed,
         fluid_neighbours: wp.array(dtype=wp.int16),
         wall_neighbours: wp.array(dtype=wp.int16),
         flags: wp.array(dtype=wp.uint8),
@@ -195,14 +195,14 @@ def make_packing(spec: Spec) -> tuple[Any, Any]:
         step = list_step(particle_count)
         end = k + int(fluid_neighbours[i]) * step
         while k < end:
-            j = neighbours[k]
+            j = neighbour(neighbours, i, k)
             k += step
             d = separation(old, position[j], wrapped, params)
             even += (slope(wp.length(d) * params.inv_h) * rest_volume[j]) * d
         if wp.static(spec.walls):
             end += int(wall_neighbours[i]) * step
             while k < end:
-                j = neighbours[k]
+                j = neighbour(neighbours, i, k)
                 k += step
                 d = separation(old, position[j], wrapped, params)
                 even += slope(wp.length(d) * params.inv_h) * d

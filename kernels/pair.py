@@ -1,7 +1,7 @@
 """What every neighbour sum needs of a pair: its separation across periodic images and its place in the list."""
 
 import functools
-from typing import Any
+from typing import Any, NamedTuple
 
 import warp as wp
 
@@ -54,31 +54,88 @@ def separation_of(spec: Spec) -> Any:
     return make_separation(spec.dimension, spec.precision, spec.periodic)
 
 
+class Access(NamedTuple):
+    """How kernels reach the entries of a list in one layout.
+
+    Attributes:
+        begin: `wp.func` begin(i, width), place of the first entry of row i.
+        step: `wp.func` step(rows), from one place to the next of the same row.
+        read: `wp.func` read(list, i, place), the entry of row i at a place.
+        array: type of a list as kernel argument.
+        write: `wp.func` write(list, i, place, value).
+    """
+
+    begin: Any
+    step: Any
+    read: Any
+    array: Any
+    write: Any
+
+
 @functools.cache
-def make_entry(row_list: bool) -> tuple[Any, Any]:
-    """Return the `wp.func`s (list_begin(i, width), list_step(particle_count)) of a list layout.
+def make_entry(row_list: bool, wide: bool = False, dtype: Any = int) -> Access:
+    """Return the access to a list of one layout.
 
     Row: the neighbours of a particle are contiguous (best for a CPU core, measured 5-10 % faster there).
     Column: the k-th neighbours of consecutive particles are contiguous (coalesced reads on a GPU).
+
+    A narrow list is one-dimensional and a place is the index of an entry, which takes 31 bits. A wide list holds more
+    entries than that; it has the same order in memory, but two dimensions, and a place counts the entries of its own row:
+    Warp indexes each dimension with 32 bits and adds the strides up with 64.
     """
-    if row_list:
+    List = wp.array(dtype=dtype, ndim=2 if wide else 1)
+
+    if wide:
 
         @wp.func
-        def list_begin(i: int, width: int):
+        def begin(i: int, width: int):
+            return 0
+
+        @wp.func
+        def step(rows: int):
+            return 1
+
+    elif row_list:
+
+        @wp.func
+        def begin(i: int, width: int):
             return i * width
 
         @wp.func
-        def list_step(count: int):
+        def step(rows: int):
             return 1
 
     else:
 
         @wp.func
-        def list_begin(i: int, width: int):
+        def begin(i: int, width: int):
             return i
 
         @wp.func
-        def list_step(count: int):
-            return count
+        def step(rows: int):
+            return rows
 
-    return list_begin, list_step
+    @wp.func
+    def read(entries: List, i: int, place: int):
+        if wp.static(not wide):
+            return entries[place]
+        elif wp.static(row_list):
+            return entries[i, place]
+        else:
+            return entries[place, i]
+
+    @wp.func
+    def write(entries: List, i: int, place: int, value: dtype):
+        if wp.static(not wide):
+            entries[place] = value
+        elif wp.static(row_list):
+            entries[i, place] = value
+        else:
+            entries[place, i] = value
+
+    return Access(begin, step, read, List, write)
+
+
+def list_access(spec: Spec) -> tuple[Any, Any, Any, Any]:
+    """Return (list_begin, list_step, neighbour, type of `neighbours`) of the neighbour list of a `Spec`."""
+    return make_entry(spec.row_list, spec.wide_list)[:4]

@@ -35,7 +35,7 @@ import warp as wp
 
 from .clock import LAST_STEP, MAXIMA, RUNAWAY, SPEED, STEP
 from .mirror import NO_WALL, code_shift, make_images, make_sides
-from .pair import WRAPPED, make_entry
+from .pair import WRAPPED, list_access, make_entry
 from .params import make_params, make_phase
 from .smoothing import make_smoothing
 from .spec import SWEEP_OPTIONS, Spec, types_of
@@ -151,7 +151,7 @@ def make_predict(spec: Spec) -> Any:
     shape, slope = make_smoothing(spec.kernel, spec.precision)
     images = make_images(spec)
     apart, friction_velocity = images.apart, images.friction_velocity
-    list_begin, list_step = make_entry(spec.row_list)
+    list_begin, list_step, neighbour, Listed = list_access(spec)
     viscous = spec.viscosity != "none"
     viscous_term = make_viscosity(spec.viscosity if viscous else "morris", spec.dimension, spec.precision)
     time_weights = make_weights(spec.second_order)
@@ -171,7 +171,7 @@ def make_predict(spec: Spec) -> Any:
         sides: Sides,
         phases: wp.array(dtype=Phase),
         clock: wp.array(dtype=wp.float64),
-        neighbours: wp.array(dtype=int),
+        neighbours: Listed,
         fluid_neighbours: wp.array(dtype=wp.int16),
         wall_neighbours: wp.array(dtype=wp.int16),
         flags: wp.array(dtype=wp.uint8),
@@ -219,7 +219,7 @@ def make_predict(spec: Spec) -> Any:
         step = list_step(particle_count)
         end = k + int(fluid_neighbours[i]) * step
         while k < end:
-            j = neighbours[k]
+            j = neighbour(neighbours, i, k)
             k += step
             code = int(0)
             if wp.static(spec.mirror):
@@ -249,7 +249,7 @@ def make_predict(spec: Spec) -> Any:
         if wp.static(spec.walls):
             end += int(wall_neighbours[i]) * step
             while k < end:
-                j = neighbours[k]
+                j = neighbour(neighbours, i, k)
                 k += step
                 d = apart(xi, position[j], 0, wrapped, params, sides)
                 r2 = wp.dot(d, d)
@@ -313,7 +313,9 @@ def make_assemble(spec: Spec) -> Any:
     _, slope = make_smoothing(spec.kernel, spec.precision)
     images = make_images(spec)
     apart, image_velocity, lift = images.apart, images.image_velocity, images.lift
-    list_begin, list_step = make_entry(spec.row_list)
+    list_begin, list_step, neighbour, Listed = list_access(spec)
+    row_begin, row_stride, _, Columns, put_column = make_entry(spec.row_list, spec.wide_list)
+    _, _, _, Values, put_value = make_entry(spec.row_list, spec.wide_list, real)
     time_weights = make_weights(spec.second_order)
     periodic = any(spec.periodic)
     dimension = float(spec.dimension)
@@ -333,7 +335,7 @@ def make_assemble(spec: Spec) -> Any:
         sides: Sides,
         phases: wp.array(dtype=Phase),
         clock: wp.array(dtype=wp.float64),
-        neighbours: wp.array(dtype=int),
+        neighbours: Listed,
         fluid_neighbours: wp.array(dtype=wp.int16),
         wall_neighbours: wp.array(dtype=wp.int16),
         flags: wp.array(dtype=wp.uint8),
@@ -348,8 +350,8 @@ def make_assemble(spec: Spec) -> Any:
         dilation_old: wp.array(dtype=real),
         correction: wp.array(dtype=mat),
         spread: wp.array(dtype=real),
-        matrix_columns: wp.array(dtype=int),
-        matrix_values: wp.array(dtype=real),
+        matrix_columns: Columns,
+        matrix_values: Values,
         matrix_counts: wp.array(dtype=wp.int16),
         matrix_diagonal: wp.array(dtype=real),
         matrix_moment: wp.array(dtype=mat),
@@ -386,13 +388,13 @@ def make_assemble(spec: Spec) -> Any:
         coupling = real(0.0)
         right = real(0.0)
         count = int(0)
-        entry = list_begin(i, matrix_width)
+        entry = row_begin(i, matrix_width)
         k = list_begin(i, list_width)
         step = list_step(particle_count)
-        row_step = list_step(fluid_count)
+        row_step = row_stride(fluid_count)
         end = k + int(fluid_neighbours[i]) * step
         while k < end:
-            j = neighbours[k]
+            j = neighbour(neighbours, i, k)
             k += step
             code = int(0)
             if wp.static(spec.mirror):
@@ -424,15 +426,15 @@ def make_assemble(spec: Spec) -> Any:
                 # the image of a particle in its own row cancels out
                 diagonal += w
                 moment += wp.outer(d, (real(0.5) * w) * d)
-                matrix_columns[entry] = j
-                matrix_values[entry] = -w
+                put_column(matrix_columns, i, entry, j)
+                put_value(matrix_values, i, entry, -w)
                 entry += row_step
                 count += 1
         if wp.static(spec.walls):
             full = full and wall_neighbours[i] == wp.int16(0)
             end += int(wall_neighbours[i]) * step
             while k < end:
-                j = neighbours[k]
+                j = neighbour(neighbours, i, k)
                 k += step
                 d = apart(xi, position[j], 0, wrapped, params, sides)
                 f = slope(wp.sqrt(wp.dot(d, d)) * params.inv_h) * params.wall_volume
@@ -518,7 +520,7 @@ def make_correct(spec: Spec) -> Any:
     _, slope = make_smoothing(spec.kernel, spec.precision)
     images = make_images(spec)
     apart, lift = images.apart, images.lift
-    list_begin, list_step = make_entry(spec.row_list)
+    list_begin, list_step, neighbour, Listed = list_access(spec)
     time_weights = make_weights(spec.second_order)
     periodic = any(spec.periodic)
     image_bit = code_shift(spec.dimension)
@@ -535,7 +537,7 @@ def make_correct(spec: Spec) -> Any:
         sides: Sides,
         phases: wp.array(dtype=Phase),
         clock: wp.array(dtype=wp.float64),
-        neighbours: wp.array(dtype=int),
+        neighbours: Listed,
         fluid_neighbours: wp.array(dtype=wp.int16),
         wall_neighbours: wp.array(dtype=wp.int16),
         flags: wp.array(dtype=wp.uint8),
@@ -567,7 +569,7 @@ def make_correct(spec: Spec) -> Any:
         step = list_step(particle_count)
         end = k + int(fluid_neighbours[i]) * step
         while k < end:
-            j = neighbours[k]
+            j = neighbour(neighbours, i, k)
             k += step
             code = int(0)
             if wp.static(spec.mirror):
@@ -587,7 +589,7 @@ def make_correct(spec: Spec) -> Any:
         if wp.static(spec.walls):
             end += int(wall_neighbours[i]) * step
             while k < end:
-                j = neighbours[k]
+                j = neighbour(neighbours, i, k)
                 k += step
                 d = apart(xi, position[j], 0, wrapped, params, sides)
                 r = wp.length(d)
@@ -651,7 +653,7 @@ def make_regularise(spec: Spec) -> Any:
     shape, slope = make_smoothing(spec.kernel, spec.precision)
     images = make_images(spec)
     apart, image_velocity = images.apart, images.image_velocity
-    list_begin, list_step = make_entry(spec.row_list)
+    list_begin, list_step, neighbour, Listed = list_access(spec)
     periodic = any(spec.periodic)
     image_bit = code_shift(spec.dimension)
     index_mask = (1 << image_bit) - 1
@@ -665,7 +667,7 @@ def make_regularise(spec: Spec) -> Any:
         params: Params,
         sides: Sides,
         clock: wp.array(dtype=wp.float64),
-        neighbours: wp.array(dtype=int),
+        neighbours: Listed,
         fluid_neighbours: wp.array(dtype=wp.int16),
         wall_neighbours: wp.array(dtype=wp.int16),
         flags: wp.array(dtype=wp.uint8),
@@ -704,7 +706,7 @@ def make_regularise(spec: Spec) -> Any:
         step = list_step(particle_count)
         end = k + int(fluid_neighbours[i]) * step
         while k < end:
-            j = neighbours[k]
+            j = neighbour(neighbours, i, k)
             k += step
             code = int(0)
             if wp.static(spec.mirror):
@@ -735,7 +737,7 @@ def make_regularise(spec: Spec) -> Any:
         if wp.static(spec.walls):
             end += int(wall_neighbours[i]) * step
             while k < end:
-                j = neighbours[k]
+                j = neighbour(neighbours, i, k)
                 k += step
                 d = apart(xi, position[j], 0, wrapped, params, sides)
                 f = slope(wp.sqrt(wp.dot(d, d)) * params.inv_h) * params.wall_volume

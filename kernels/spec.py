@@ -50,6 +50,7 @@ class Spec:
         second_order: BDF2 in time instead of the first-order projection (isph).
         implicit_viscosity: the viscous term is stabilised by an implicit solve (isph).
         row_list: neighbour list stored particle by particle (CPU) instead of neighbour by neighbour (GPU).
+        wide_list: the neighbour list has more entries than 31 bits number; known with its width.
     """
 
     dimension: int
@@ -80,6 +81,7 @@ class Spec:
     second_order: bool = False
     implicit_viscosity: bool = False
     row_list: bool = True
+    wide_list: bool = False
 
 
 class Types(NamedTuple):

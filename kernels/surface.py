@@ -12,7 +12,7 @@ from typing import Any
 import warp as wp
 
 from .mirror import code_shift, make_images, make_sides
-from .pair import WRAPPED, make_entry
+from .pair import WRAPPED, list_access
 from .params import make_params
 from .smoothing import make_smoothing
 from .spec import Spec, types_of
@@ -55,7 +55,7 @@ def make_surface(spec: Spec) -> tuple[Any, Any]:
     Sides = make_sides(spec.dimension, spec.precision)
     apart = make_images(spec).apart
     _, slope = make_smoothing(spec.kernel, spec.precision)
-    list_begin, list_step = make_entry(spec.row_list)
+    list_begin, list_step, neighbour, Listed = list_access(spec)
     periodic = any(spec.periodic)
     dimension = float(spec.dimension)
     image_bit = code_shift(spec.dimension)
@@ -71,7 +71,7 @@ def make_surface(spec: Spec) -> tuple[Any, Any]:
         second_row: real,
         params: Params,
         sides: Sides,
-        neighbours: wp.array(dtype=int),
+        neighbours: Listed,
         fluid_neighbours: wp.array(dtype=wp.int16),
         wall_neighbours: wp.array(dtype=wp.int16),
         flags: wp.array(dtype=wp.uint8),
@@ -110,7 +110,7 @@ def make_surface(spec: Spec) -> tuple[Any, Any]:
             count += int(wall_neighbours[i])
         end = k + count * step
         while k < end and not covered:
-            j = neighbours[k]
+            j = neighbour(neighbours, i, k)
             k += step
             code = int(0)
             if wp.static(spec.mirror):
@@ -144,7 +144,7 @@ def make_surface(spec: Spec) -> tuple[Any, Any]:
         list_width: int,
         params: Params,
         sides: Sides,
-        neighbours: wp.array(dtype=int),
+        neighbours: Listed,
         fluid_neighbours: wp.array(dtype=wp.int16),
         flags: wp.array(dtype=wp.uint8),
         position: wp.array(dtype=vec),
@@ -165,7 +165,7 @@ def make_surface(spec: Spec) -> tuple[Any, Any]:
             step = list_step(particle_count)
             end = k + int(fluid_neighbours[i]) * step
             while k < end:
-                j = neighbours[k]
+                j = neighbour(neighbours, i, k)
                 k += step
                 code = int(0)
                 if wp.static(spec.mirror):

@@ -16,7 +16,7 @@ from typing import Any
 
 import warp as wp
 
-from .pair import make_entry, separation_of
+from .pair import list_access, separation_of
 from .params import make_params, make_phase
 from .projection import make_weights
 from .smoothing import make_smoothing
@@ -31,7 +31,7 @@ def make_wall(spec: Spec) -> Any:
     Phase = make_phase(spec.precision)
     shape, _ = make_smoothing(spec.kernel, spec.precision)
     separation = separation_of(spec)
-    list_begin, list_step = make_entry(spec.row_list)
+    list_begin, list_step, neighbour, Listed = list_access(spec)
     extrapolated = spec.scheme == "isph" and spec.second_order
     time_weights = make_weights(spec.second_order)
 
@@ -44,7 +44,7 @@ def make_wall(spec: Spec) -> Any:
         params: Params,
         phases: wp.array(dtype=Phase),
         clock: wp.array(dtype=wp.float64),
-        neighbours: wp.array(dtype=int),
+        neighbours: Listed,
         fluid_neighbours: wp.array(dtype=wp.int16),
         phase: wp.array(dtype=wp.int8),
         position: wp.array(dtype=vec),
@@ -70,7 +70,7 @@ def make_wall(spec: Spec) -> Any:
         end = k + count * step
         xi = position[i]
         while k < end:
-            j = neighbours[k]
+            j = neighbour(neighbours, i, k)
             k += step
             d = separation(xi, position[j], True, params)
             w_ij = shape(wp.sqrt(wp.dot(d, d)) * params.inv_h)

@@ -5,7 +5,7 @@
 
 Scenes (the large ones on a GPU alone): Taylor-Green 2-D at 10 k, 100 k, 1 M, 4 M particles, once as the lean scene that
 other codes are measured with (conservative gradient, Wendland C2, h = 1.25 dx) and once with the defaults; a periodic
-3-D box at 125 k, 1 M, 8 M; the layered tank; the square droplet.
+3-D box at 125 k, 1 M, 8 M, 32 M (25 GB, with the defaults 35 GB); the layered tank; the square droplet.
 
 The floor is the least that two sweeps must read: the list (4 B an entry) and each particle's position, velocity,
 pressure and volume once for each sweep, over the copy bandwidth of the device measured in the same run.
@@ -120,6 +120,8 @@ SCENES: dict[str, tuple[Any, bool]] = {
     "box 125k": (lambda: box(50), False),
     "box 1M": (lambda: box(100), True),
     "box 8M": (lambda: box(200), True),
+    "box 32M": (lambda: box(318), True),
+    "box 32M default": (lambda: {**box(318), "numerics": {}}, True),
     "layered_tank 10k": (lambda: layered_tank(100), False),
     "layered_tank 1M": (lambda: layered_tank(1000), True),
     "square_droplet 10k": (lambda: square_droplet(100), False),

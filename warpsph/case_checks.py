@@ -43,6 +43,7 @@ from warpsph.case import (
 from warpsph.case_values import NAME, CaseModel, example, formula_text, suggestion
 from warpsph.errors import MISSING, ExpressionError, Problem
 from warpsph.expressions import Expression, compile_expression
+from warpsph.magnitudes import check_inputs
 from warpsph.sensors import NoPlane, face_radius, wall_normal
 
 # ----------------------------------------------------------------------------------------------------------
@@ -400,11 +401,13 @@ def _check_domain(case: Any, _folder: Path | None, _raw: Any) -> _Problems:
         )
     count = math.prod(length / spacing for length in extent)
     if count > _MOST_PARTICLES:
-        fitting = (math.prod(extent) / _MOST_PARTICLES) ** (1 / len(extent))
+        told = f"{count:.3g}" if math.isfinite(count) else "more than 1e308"
+        # by logarithms: the volume of a domain may be beyond what a number holds
+        fitting = math.exp((sum(map(math.log, extent)) - math.log(_MOST_PARTICLES)) / len(extent))
         yield Problem(
             "particle_spacing",
             spacing,
-            f"makes {count:.3g} particles in the domain, at most 2^31 - 1",
+            f"makes {told} particles in the domain, at most 2^31 - 1",
             f"write at least {fitting * 1.01:.4g}",
         )
 
@@ -987,6 +990,7 @@ def _check_validation(case: Any, _folder: Path | None, _raw: Any) -> _Problems:
 
 
 _CHECKS: tuple[Callable[[Any, Path | None, Any], _Problems], ...] = (
+    check_inputs,
     _check_domain,
     _check_vectors,
     _check_boundary,

@@ -3,8 +3,8 @@
 Each command loads the case, hands it to the module that does the work and prints what comes back. Other than
 typer everything is imported inside the commands: `--help` answers at once, a command pays for what it uses.
 
-Exit codes: 0 done, 1 unexpected error, 2 bad input, 3 diverged, 4 cannot write, 5 capacity exceeded,
-6 validate: a reference was missed or a run failed, 7 the wall time is over, 130 interrupted.
+Exit codes: 0 done, 1 unexpected error, 2 bad input, 3 diverged, 4 cannot write, 5 the scene does not fit the memory,
+or a list cannot grow, 6 validate: a reference was missed or a run failed, 7 the wall time is over, 130 interrupted.
 """
 
 import errno
@@ -43,6 +43,9 @@ LONGEST_LINE = 1500
 
 PLAIN_PROGRESS_INTERVAL = 5.0
 """Seconds between two progress lines where there is no terminal to draw a bar on."""
+
+PREPARING_DELAY = 1.0
+"""Seconds after which kernels that are not ready are being compiled, not only loaded."""
 
 
 class Precision(StrEnum):
@@ -128,9 +131,9 @@ def run(
         choices: dict[str, Any] = {"device": device, "threads": threads, "restart": restart}
         choices["wall_time"] = None if wall_time is None else _seconds_of(wall_time)
         try:
-            simulation = Simulation(
-                loaded, output=folder, **{key: value for key, value in choices.items() if value is not None}
-            )
+            chosen = {key: value for key, value in choices.items() if value is not None}
+            with _progress_display(transient=True) as display:
+                simulation = Simulation(loaded, output=folder, preparing=display.preparing, **chosen)
             print(f"{case} -> {folder}", flush=True)
             for line in simulation.warnings:
                 print(f"warning: {line}", file=sys.stderr, flush=True)
@@ -538,7 +541,7 @@ def _wall_time_problems(wall_time: str | None) -> "list[Problem]":
 def _device_problems(device: str | None) -> "list[Problem]":
     if device is None or device == "cpu":
         return []  # always there: no need to start Warp to find out
-    _quieten_warp(False)
+    _quieten_warp(False, cuda=True)
     import warp
 
     names = [str(known) for known in warp.get_devices()]
@@ -596,17 +599,13 @@ def _parse_numbers(text: str, option: str, example: str) -> list[float]:
     return numbers
 
 
-def _quieten_warp(debug: bool) -> None:
+def _quieten_warp(debug: bool, cuda: bool = False) -> None:
     """Keep Warp's start-up and compilation messages out of the output, unless --debug asks for them."""
     if debug:
         return
-    import warp
+    from warpsph.start import start_warp
 
-    settings: Any = warp.config
-    if hasattr(settings, "log_level"):
-        settings.log_level = warp.LOG_WARNING
-    else:
-        settings.quiet = True
+    start_warp(cuda)
 
 
 # ---- output ----------------------------------------------------------------------------------------------
@@ -677,17 +676,25 @@ def _print_estimate(case: "Case") -> None:
     from warpsph.simulation import estimate
 
     found = estimate(case)
+    about = "about " if "refused" in found else ""
     rows = [
-        ("fluid particles", found.get("particles")),
-        ("wall particles", found.get("walls")),
-        ("memory", None if found.get("memory_bytes") is None else f"{found['memory_bytes'] / 2**20:.1f} MiB"),
+        ("fluid particles", f"{about}{_format(found['particles'])}"),
+        ("wall particles", f"{about}{_format(found['walls'])}"),
+        ("memory of the device", f"{about}{_mebibytes(found['memory_bytes'])}"),
+        ("memory of the host", f"about {_mebibytes(found['host_bytes'])}"),
         ("time step", None if found.get("dt") is None else f"{found['dt']:.3g} s"),
         ("steps", found.get("steps")),
-        ("estimated time", _duration(found.get("seconds"))),
+        ("estimated time", _duration(found["seconds"]) if "seconds" in found else None),
     ]
     _print_table(case.title or "Case", ["", ""], [row for row in rows if row[1] is not None])
     for warning in found.get("warnings", []):
         _say(f"warning: {warning}")
+    if "refused" in found:
+        raise found["refused"]
+
+
+def _mebibytes(number: int) -> str:
+    return f"{number / 2**20:,.1f} MiB".replace(",", " ")
 
 
 def _print_plan(case: "Case") -> None:
@@ -710,14 +717,33 @@ def _print_plan(case: "Case") -> None:
         )
 
 
-def _progress_display() -> AbstractContextManager[Callable[[Any], None]]:
-    """Context that yields the callback which shows the progress of a run."""
-    return _progress_bar() if sys.stdout.isatty() else nullcontext(_progress_lines())
+class _Display:
+    """Shows how far a run is: called with its progress, and before that with the number of kernels that are ready."""
+
+    def __init__(self, show: Callable[[Any], None], preparing: Callable[[int], None]) -> None:
+        self._show = show
+        self.preparing = preparing
+
+    def __call__(self, progress: Any) -> None:
+        self._show(progress)
 
 
-def _progress_lines() -> Callable[[Any], None]:
+def _progress_display(transient: bool = False) -> AbstractContextManager[_Display]:
+    """Context that yields the callback which shows the progress of a run; a transient bar is wiped out at the end."""
+    return _progress_bar(transient) if sys.stdout.isatty() else nullcontext(_progress_lines())
+
+
+def _progress_lines() -> _Display:
     """Callback that prints a line now and then."""
     last = -math.inf
+    told = time.monotonic() - PLAIN_PROGRESS_INTERVAL + PREPARING_DELAY
+
+    def preparing(ready: int) -> None:
+        nonlocal told
+        now = time.monotonic()
+        if now - told >= PLAIN_PROGRESS_INTERVAL:
+            told = now
+            print(f"compiling kernels: {ready} ready", flush=True)
 
     def show_progress(p: Any) -> None:
         nonlocal last
@@ -730,16 +756,16 @@ def _progress_lines() -> Callable[[Any], None]:
                 flush=True,
             )
 
-    return show_progress
+    return _Display(show_progress, preparing)
 
 
 @contextmanager
-def _progress_bar() -> Iterator[Callable[[Any], None]]:
-    """Callback that draws a bar on the terminal."""
+def _progress_bar(transient: bool) -> Iterator[_Display]:
+    """Callback that draws a bar on the terminal, from the first step on; before it, what is being done instead."""
     from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
 
     progress = Progress(
-        TextColumn("t {task.fields[time]}"),
+        TextColumn("{task.fields[time]}"),
         BarColumn(),
         TaskProgressColumn(),
         TextColumn(
@@ -747,23 +773,27 @@ def _progress_bar() -> Iterator[Callable[[Any], None]]:
             "{task.fields[left]} left"
         ),
         console=_console(),
+        transient=transient,
     )
     progress.start()
     try:
-        task = progress.add_task("", total=1.0, time="0 s", step="0", dt="?", mups="?", left="?")
+        task = progress.add_task("", total=1.0, time="preparing the first step ...", step="0", dt="?", mups="?", left="?")
 
         def show_progress(p: Any) -> None:
             progress.update(
                 task,
                 completed=p.share,
-                time=f"{p.time:.5g} / {p.end_time:g} s",
+                time=f"t {p.time:.5g} / {p.end_time:g} s",
                 step=str(p.step),
                 dt=f"{p.dt:.3g} s",
                 mups=f"{p.mups:.3g}",
                 left=_duration(p.seconds_left),
             )
 
-        yield show_progress
+        def preparing(ready: int) -> None:
+            progress.update(task, time=f"compiling kernels: {ready} ready ...")
+
+        yield _Display(show_progress, preparing)
     finally:
         try:
             progress.stop()

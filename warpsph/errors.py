@@ -6,7 +6,7 @@
 | `CaseError` | 2 | the case file (or an override) is wrong; lists every problem at once |
 | `DivergenceError` | 3 | the state became non-finite or ran away |
 | `OutputError` | 4 | results cannot be written |
-| `CapacityError` | 5 | a fixed-size list is full and cannot grow |
+| `CapacityError` | 5 | the scene does not fit the memory, or a list is full and cannot grow |
 | - | 6 | `validate` is done, but a reference was missed or a run failed |
 | `WallTimeReached` | 7 | the run used up its wall time; the state is in a checkpoint |
 | `Interrupted` | 130 | the user stopped the run |
@@ -201,7 +201,7 @@ class OutputError(WarpsphError):
 
 
 class CapacityError(WarpsphError):
-    """A fixed-size list is full and cannot grow. `key` is the case key to change."""
+    """The scene does not fit the memory, or a list is full and cannot grow. `key` is the case key to change."""
 
     exit_code = 5
 

@@ -38,6 +38,9 @@ def row_shares(spec: Spec, ratio: float) -> tuple[float, float]:
 
     import warp as wp
 
+    from warpsph.start import start_warp
+
+    start_warp()
     kernel = KERNELS[spec.kernel]
     _, slope = make_smoothing(spec.kernel, "float64")
     reach = math.ceil(kernel.support * ratio)

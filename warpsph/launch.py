@@ -112,13 +112,16 @@ class Launcher:
     Args:
         device: Warp device.
         threads: threads of a CPU device; ignored on CUDA.
+        preparing: called with the number of kernels that are ready, before each one that is to be loaded or compiled.
     """
 
-    def __init__(self, device: Any, threads: int = 1) -> None:
+    def __init__(self, device: Any, threads: int = 1, preparing: Callable[[int], None] | None = None) -> None:
         self.device = device
         self.is_cpu = bool(device.is_cpu)
         self.threads = max(1, threads) if self.is_cpu else 1
         self.team = ThreadTeam(self.threads)
+        self._preparing = preparing
+        self._ready: set[Any] = set()
 
     def task(
         self,
@@ -137,6 +140,9 @@ class Launcher:
             special: argument values of this task alone.
         """
         extra = dict(special or {})
+        if self._preparing is not None and kernel not in self._ready:
+            self._preparing(len(self._ready))
+            self._ready.add(kernel)
         if not self.is_cpu or single or self.threads == 1:
             return self._whole(name, kernel, count, bindings, start, extra)
         return self._split(name, kernel, count, bindings, start, extra)

@@ -34,7 +34,7 @@ from warpsph.kernels import linear as ln
 from warpsph.kernels.spec import types
 from warpsph.launch import Bindings, Launcher, Task
 
-LARGEST_MATRIX = 2**31 - 1  # entries: they are indexed with 32-bit integers
+LARGEST_NARROW = 2**31 - 1  # entries that one 32-bit index reaches
 WIDEST_ROW = 32767  # `counts` is 16-bit by default
 MOST_BLOCKS = 2048  # partial sums on a CPU, whatever the number of threads
 ROWS_OF_BLOCK = 16  # at least, on a CPU
@@ -79,10 +79,12 @@ class EllMatrix:
         precision: "float32" or "float64".
         row_list: layout; by default that of the device.
         count_type: integer type of `counts`.
+        wide: see `resize`.
 
     Attributes:
-        columns: int32 (n width,), column of each entry.
-        values: real (n width,), its value.
+        columns: int32 (n width,), column of each entry; if `wide` (n, width) or, by columns, (width, n).
+        values: real, of the same shape, its value.
+        wide: the entries are more than 31 bits number, see `kernels.pair.make_entry`.
         counts: (n,), entries used of each row.
         diagonal: real (n,).
         excess: real (n,), diagonal + sum of the values of a row, the coupling to what is not in the system; the solver
@@ -90,7 +92,7 @@ class EllMatrix:
         inverse: real (n,), 1 / diagonal, or 0; the solver fills it.
 
     Raises:
-        CapacityError: more than 2^31 entries, or more than fit in memory.
+        CapacityError: the arrays do not fit in memory, or a row has more entries than 16 bits count.
     """
 
     def __init__(
@@ -101,6 +103,7 @@ class EllMatrix:
         precision: str = "float32",
         row_list: bool | None = None,
         count_type: Any = wp.int16,
+        wide: bool = False,
     ) -> None:
         self.n = n
         self.precision = precision
@@ -116,21 +119,32 @@ class EllMatrix:
         self.columns: Any = None
         self.values: Any = None
         self.width = 0
-        self.resize(width)
+        self.wide = False
+        self.resize(width, wide)
 
-    def resize(self, width: int) -> None:
+    def resize(self, width: int, wide: bool = False) -> None:
         """Replace `columns` and `values` by arrays of `width` entries a row; their content is lost.
 
+        Args:
+            width: entries a row may have.
+            wide: lay the arrays out for more entries than 31 bits number even if there are fewer.
+
         Raises:
-            CapacityError: more than 2^31 entries, or more than fit in memory.
+            CapacityError: the arrays do not fit in memory, or a row has more entries than 16 bits count.
         """
         width = max(width, 1)
-        if width > WIDEST_ROW or width * self.n > LARGEST_MATRIX:
-            raise CapacityError(f"matrix: {self.n} rows of up to {width} entries are more than it can number")
+        if width > WIDEST_ROW:
+            rule = f"a row of {width} entries is more than the {WIDEST_ROW} that can be counted"
+            raise CapacityError(f"matrix: {rule}; lower numerics.smoothing_ratio or part the clump of particles",
+                                key="numerics.smoothing_ratio")
         self.columns = self.values = None
         try:
-            self.columns = wp.zeros(width * self.n, dtype=int, device=self.device)
-            self.values = wp.zeros(width * self.n, dtype=self.real, device=self.device)
+            self.wide = wide or width * self.n > LARGEST_NARROW
+            shape: Any = width * self.n
+            if self.wide:
+                shape = (self.n, width) if self.row_list else (width, self.n)
+            self.columns = wp.zeros(shape, dtype=int, device=self.device)
+            self.values = wp.zeros(shape, dtype=self.real, device=self.device)
         except RuntimeError as error:
             raise CapacityError(f"matrix of {width} entries a row does not fit in memory: {error}") from error
         self.width = width
@@ -172,8 +186,8 @@ class EllMatrix:
         all_values = np.zeros(self.n * self.width, dtype=wp.dtype_to_numpy(self.real))
         all_columns[at] = columns
         all_values[at] = values
-        self.columns.assign(all_columns)
-        self.values.assign(all_values)
+        self.columns.assign(all_columns.reshape(self.columns.shape))
+        self.values.assign(all_values.reshape(self.values.shape))
         self.counts.assign(counts.astype(wp.dtype_to_numpy(self.count_type)))
         self.diagonal.assign(np.asarray(diagonal, dtype=all_values.dtype))
 
@@ -332,7 +346,6 @@ class LinearSolver:
         self._vectors = {name: wp.zeros(n, dtype=real, device=device) for name in names}
         self._sums: Any = wp.zeros(self.rows.block_count, dtype=wp.vec3d, device=device)
         self._views = (self.state.numpy(), self.flags.numpy()) if launcher.is_cpu else None
-        self._kernels = ln.make_kernels(matrix.precision, matrix.row_list, matrix.count_type)
         self._rhs: Any = None
         self._x: Any = None
         self._bound = -1
@@ -408,7 +421,8 @@ class LinearSolver:
                     f"{name}: {array.shape} of {array.dtype} does not fit {self.matrix.n} rows of {self.matrix.real}"
                 )
         self._rhs, self._x, self._bound, self._graph = rhs, x, self.matrix.version, None
-        rows, kernels = self.rows, self._kernels
+        rows, matrix = self.rows, self.matrix
+        kernels = ln.make_kernels(matrix.precision, matrix.row_list, matrix.count_type, matrix.wide)
         device = self.matrix.device
         outer = self.preconditioner
         simple = isinstance(outer, str)

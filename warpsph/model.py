@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import gc
 import math
 import os
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import warp as wp
 
+from warpsph import memory
 from warpsph.geometry import Geometry, build
 from warpsph.kernels import clock as ck
 from warpsph.kernels.leaks import LARGEST, LAST
@@ -22,6 +25,7 @@ from warpsph.packing import Packer
 from warpsph.particles import Particles
 from warpsph.physics import Physics, contact_matrix, derive, support_radius
 from warpsph.snapshot import Snapshot
+from warpsph.start import start_warp
 from warpsph.stepper import Stepper
 
 if TYPE_CHECKING:
@@ -32,14 +36,9 @@ RARE_WAY = 0.05  # way of the fastest particle, as share of h, after which the r
 SHIFT_CAP = 0.01  # longest shift of a step as share of h
 
 
-def quiet_warp() -> None:
-    """Keep Warp from printing its banner and compile lines."""
-    config: Any = wp.config
-    if hasattr(wp, "LOG_WARNING"):
-        config.log_level = wp.LOG_WARNING
-    else:  # before Warp 1.13
-        config.quiet = True
-    wp.init()
+def quiet_warp(device: str = "cpu") -> None:
+    """Start Warp without its banner and compile lines; a missing CUDA driver is told if the device needs one."""
+    start_warp(cuda=device.startswith("cuda"))
 
 
 def default_threads() -> int:
@@ -58,6 +57,10 @@ class Model:
         threads: threads of a CPU device (default: all processors).
         geometry: particles of the case, if they are known already.
         fresh: False if `load_state` follows: the start is then made no better than it takes to know the particles.
+        preparing: called while kernels are compiled or loaded, with the number of those that are ready.
+
+    Raises:
+        CapacityError: the case does not fit the memory of the device or of the machine.
 
     Attributes:
         physics: numbers derived from the case.
@@ -72,17 +75,26 @@ class Model:
         threads: int | None = None,
         geometry: Geometry | None = None,
         fresh: bool = True,
+        preparing: Callable[[int], None] | None = None,
     ) -> None:
-        quiet_warp()
+        quiet_warp(device)
         self.case = case
         self.device = wp.get_device(device)
-        self.launcher = Launcher(self.device, threads or default_threads())
+        self.launcher = Launcher(self.device, threads or default_threads(), preparing)
+        if geometry is None:
+            refused = memory.shortage(case, self.device)
+            if refused is not None:
+                gc.collect()  # an earlier run in this process may only wait for that
+                refused = memory.shortage(case, self.device)
+            if refused is not None:
+                raise refused
         self.geometry = geometry if geometry is not None else build(case, support_radius(case))
         self.physics: Physics = derive(case, self.geometry, row_list=self.launcher.is_cpu)
         unlock = float(self.physics.choices["unlock"])
         fitted = self.geometry.arrangement == "fitted"
         if geometry is None and fresh and (fitted or unlock > case.start.noise):
             arrange = Packer(self.launcher) if fitted else None
+            del self.geometry  # of millions of particles there is no room for two
             self.geometry = build(case, self.physics.support, unlock, arrange)
         self.particles = Particles(
             self.physics.spec, self.geometry.fluid_count, self.geometry.wall_count, self.device

@@ -196,7 +196,6 @@ class Multigrid:
             cells.append(count)
             inverse.append(count / extent if wraps else 1.0 / (cell * spacing))
         self.plans = plan_levels(cells, periodic)
-        self._kernels = mg.make_kernels(dimension, precision, row_list, matrix.count_type)
         frame = mg.make_frame(dimension, precision)()
         frame.origin, frame.inv_cell = vec(*map(float, lower)), vec(*inverse)
         self._levels = self._place_levels()
@@ -332,6 +331,12 @@ class Multigrid:
         task = self.launcher.task("multigrid", kernel, count, self._bindings, special=special)
         self._cell_tasks[k].append((task, per_cell))
         return task
+
+    @property
+    def _kernels(self) -> mg.Kernels:
+        """The kernels for the layout that the matrix has now."""
+        matrix = self.matrix
+        return mg.make_kernels(self.dimension, matrix.precision, matrix.row_list, matrix.count_type, matrix.wide)
 
     def _one_block(self, kernel: Any) -> Task:
         return self.launcher.task("multigrid", kernel, self._lanes, self._bindings, single=True)

@@ -6,6 +6,7 @@ and marks the interface band. It is a fixed sequence of tasks, which runs from t
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Sequence
 from typing import Any
@@ -22,7 +23,10 @@ from warpsph.kernels.spec import Spec, types_of
 from warpsph.launch import Bindings, Launcher, Task
 from warpsph.particles import Particles
 
-LARGEST_LIST = 2**31 - 1  # entries: the list is indexed with 32-bit integers
+LARGEST_NARROW = 2**31 - 1  # entries that one 32-bit index reaches; beyond them the list is a wide one
+MOST_CELLS = 2**30  # of the grid: keys are 32-bit integers
+MOST_PARTICLES = 2**29 - 1  # a column of a wide list is strided with a 32-bit number of bytes
+WIDEST = 32767  # neighbours are counted with 16 bits
 # A cell may not be narrower than half the list radius, not even by the rounding of a coordinate.
 CELL_MARGIN = 1.001
 
@@ -93,7 +97,8 @@ class NeighbourList:
         self.bindings = bindings
         self.support = support
         self.list_radius = support * (1.0 + skin)
-        spec, device = particles.spec, particles.device
+        self.spec = dataclasses.replace(particles.spec, wide_list=False)
+        spec, device = self.spec, particles.device
         counts, widths = grid_layout(lower, upper, periodic, self.list_radius)
         self.cells_per_axis = counts
         grid = cells.make_grid(spec.dimension, spec.precision)()
@@ -107,8 +112,12 @@ class NeighbourList:
         grid.list_radius2 = self.list_radius**2
         n = particles.count
         kinds = 2 if particles.wall_count else 1
-        if cell_count * kinds >= LARGEST_LIST // 2:
-            raise CapacityError("the domain has more cells than 32-bit keys can number", key="domain")
+        if cell_count * kinds >= MOST_CELLS:
+            rule = f"{cell_count * kinds} cells of the neighbour search are more than the {MOST_CELLS} that can be numbered"
+            raise CapacityError(f"domain: {rule}; make the domain smaller or particle_spacing larger", key="domain")
+        if n > MOST_PARTICLES:
+            rule = f"{n} particles are more than the {MOST_PARTICLES} that a list can number"
+            raise CapacityError(f"particle_spacing: {rule}; make it larger", key="particle_spacing")
         if spec.mirror and n >= 2 ** code_shift(spec.dimension):
             rule = f"a list with mirror images numbers at most {2 ** code_shift(spec.dimension)} particles"
             raise CapacityError(f"{n} particles: {rule}; make the sides of the domain periodic or open")
@@ -148,25 +157,46 @@ class NeighbourList:
         """Give every particle room for `width` neighbours; the list must be rebuilt afterwards.
 
         Raises:
-            CapacityError: the list would need more than 2^31 entries, or more than the device's memory.
+            CapacityError: more neighbours than 16 bits count, or more entries than fit in the device's memory.
         """
         width = (width + 3) // 4 * 4
-        if width > 32767 or width * self.particles.count > LARGEST_LIST:
+        n = self.particles.count
+        if width > WIDEST:
             raise CapacityError(
-                f"neighbour list: {self.particles.count} particles with up to {width} neighbours each are more than the "
-                "list can number; a particle clump or a far too large smoothing length is the usual cause",
+                f"neighbour list: a particle with up to {width} neighbours has more than the {WIDEST} that can be counted; "
+                "a clump of particles or a far too large smoothing length (numerics.smoothing_ratio) is the usual cause",
+                key="numerics.smoothing_ratio",
             )
         self.neighbours = None
         self.bindings.pop("neighbours", None)
+        wide = width * n > LARGEST_NARROW
+        shape: Any = width * n
+        if wide:
+            shape = (n, width) if self.spec.row_list else (width, n)
         try:
-            self.neighbours = wp.zeros(width * self.particles.count, dtype=int, device=self.particles.device)
+            # not filled: no entry is read before it is written, and pages of a CPU that no row reaches cost no memory
+            self.neighbours = wp.empty(shape, dtype=int, device=self.particles.device)
         except RuntimeError as error:
-            raise CapacityError(f"neighbour list of {width} entries a particle does not fit in memory: {error}") from error
+            raise CapacityError(self._too_large(width, str(error)), key="particle_spacing") from error
+        self.spec = dataclasses.replace(self.spec, wide_list=wide)
         self.width = width
         self.bindings["neighbours"] = self.neighbours
         self.bindings["list_width"] = width
         self.tasks = self._make_tasks(moving=True)
         self.tasks_again = self._make_tasks(moving=False)
+
+    def _too_large(self, width: int, reason: str) -> str:
+        """Return the message for a list of so many entries a particle that the memory does not hold, with a way out."""
+        from warpsph.memory import device_free, host_free
+
+        n, device = self.particles.count, self.particles.device
+        need = 4 * width * n
+        text = f"neighbour list: {n} particles with room for {width} neighbours each need {need} bytes on {device}"
+        free = host_free() if device.is_cpu else device_free(device)
+        if free is None or not 0 < free < need:
+            return f"{text}, which are not free ({reason}); make particle_spacing larger"
+        larger = math.ceil(100 * (need / free) ** (1 / self.spec.dimension)) / 100
+        return f"{text}, but {free} are free; a particle_spacing {larger:g} times as large would fit"
 
     def memory(self) -> int:
         """Return the bytes of the list alone (the grid and the sort buffers are not in it)."""
@@ -186,7 +216,7 @@ class NeighbourList:
         return held
 
     def _make_tasks(self, moving: bool) -> list[Task]:
-        spec = self.particles.spec
+        spec = self.spec
         launcher, bindings, particles = self.launcher, self.bindings, self.particles
         n, fluid, wall = particles.count, particles.fluid_count, particles.wall_count
         tasks = [launcher.task("keys", cells.make_keys(spec), fluid, bindings, special={"moving": int(moving)})]
@@ -249,7 +279,7 @@ class NeighbourList:
 
     def _make_check_tasks(self) -> list[Task]:
         """Return the tasks that find out whether the list outlasts the next steps, see `kernels/slack.py`."""
-        spec, launcher, bindings = self.particles.spec, self.launcher, self.bindings
+        spec, launcher, bindings = self.spec, self.launcher, self.bindings
         bindings.update(offset=self.particles.arrays["offset"], velocity=self.particles.arrays["velocity"])
         extremes, window, relative = slack.make_slack(spec)
         set_horizon, judge = make_judge(spec.precision)

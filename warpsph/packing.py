@@ -160,11 +160,11 @@ class Packer:
             particles, launcher, bindings, (-margin).tolist(), (box + margin).tolist(), spec.periodic, support, SKIN,
             default_width(spec, support, 1.0, SKIN),
         )  # fmt: skip
-        arrange, go = make_packing(spec)
         tasks: list[Task] = []
         for iteration in range(ITERATIONS[d]):
             if iteration in LIST_BUILDS:
                 if _build(neighbours, bindings["counters"]) or not tasks:
+                    arrange, go = make_packing(neighbours.spec)
                     tasks = [launcher.task("arrange", arrange, n, bindings), launcher.task("go", go, n, bindings)]
             bindings["towards_row"].fill_(DRAWN[0] + (DRAWN[1] - DRAWN[0]) * iteration / ITERATIONS[d])
             for task in tasks:

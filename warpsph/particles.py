@@ -43,16 +43,19 @@ class Particles:
     def put(self, name: str, values: np.ndarray) -> None:
         """Copy host values of shape (rows, ...) into a field; raises ValueError on a wrong shape."""
         array = self.arrays[name]
-        host = np.ascontiguousarray(values)
-        expected = array.numpy().shape if array.size else host.shape
+        if not array.size:
+            return
+        expected = (array.shape[0], *getattr(array.dtype, "_shape_", ()))
+        kind = wp.dtype_to_numpy(getattr(array.dtype, "_wp_scalar_type_", array.dtype))
+        host = np.ascontiguousarray(values, dtype=kind)
         if host.shape != expected:
             raise ValueError(f"{name}: shape {host.shape}, expected {expected}")
-        if array.size:
-            array.assign(host.astype(array.numpy().dtype, copy=False))
+        array.assign(host)
 
     def get(self, name: str) -> np.ndarray:
         """Return a host copy of a field, in the current order of the particles."""
-        return np.array(self.arrays[name].numpy())
+        host = self.arrays[name].numpy()
+        return np.array(host) if self.arrays[name].device.is_cpu else host  # on a CPU it is the field itself
 
     def kept(self) -> dict[str, np.ndarray]:
         """Return host copies of the fields that make up the state between two steps."""

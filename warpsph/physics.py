@@ -15,6 +15,7 @@ from warpsph.errors import CaseError, Problem
 from warpsph.geometry import LIGHT
 from warpsph.kernels.smoothing import KERNELS
 from warpsph.kernels.spec import Spec
+from warpsph.magnitudes import checked
 
 if TYPE_CHECKING:
     from warpsph.case import Case
@@ -119,6 +120,7 @@ class Physics:
         return min(acoustic, *self.step_cap.values()) if self.step_cap else acoustic
 
 
+@checked
 def derive(case: Case, geometry: Geometry, row_list: bool = True) -> Physics:
     """Return the physics of a case whose particles are known.
 

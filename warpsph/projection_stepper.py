@@ -38,7 +38,7 @@ class ProjectionStepper(Stepper):
     def _allocate(self) -> None:
         spec, launcher, options = self.spec, self.launcher, self.solver_options
         rows = self.particles.fluid_count
-        self.matrix = EllMatrix(rows, self.list.width, launcher, spec.precision, spec.row_list)
+        self.matrix = EllMatrix(rows, self.list.width, launcher, spec.precision, spec.row_list, wide=spec.wide_list)
         types = types_of(spec)
         device = launcher.device
         self.moment: Any = wp.zeros(rows, dtype=types.mat, device=device)
@@ -83,7 +83,7 @@ class ProjectionStepper(Stepper):
         spec = self.spec
         matrix, arrays = self.matrix, self.particles.arrays
         if matrix.width != self.list.width:
-            matrix.resize(self.list.width)
+            matrix.resize(self.list.width, spec.wide_list)
         self.bindings.update(
             matrix_width=matrix.width,
             matrix_columns=matrix.columns,

@@ -32,7 +32,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from warpsph import checkpoint
+from warpsph import checkpoint, memory
 from warpsph.comparison import compare, format_comparison
 from warpsph.errors import (
     CaseError,
@@ -93,6 +93,7 @@ class Simulation:
         wall_time: s after which the run stops with a checkpoint, counted from here; of a second `run` from its call
             (default: no limit). It is looked at about twice a second, after at least one step; the last checkpoint
             and the summary take what they take on top of it.
+        preparing: called while kernels are compiled or loaded, with the number of those that are ready.
 
     A restart that writes into the folder of its checkpoint continues the files there and drops what is later
     than the checkpoint; another folder must be new or empty, and starts at the time of the checkpoint.
@@ -101,7 +102,7 @@ class Simulation:
         CaseError: the case is wrong, the device does not exist, the checkpoint does not fit the case, `wall_time` is not above
             0, or with an output folder there is nothing left to compute after the checkpoint.
         OutputError: the output folder cannot be used.
-        CapacityError: the neighbour list cannot hold the particles of the start.
+        CapacityError: the case does not fit the memory, or the neighbour list cannot hold the particles of the start.
 
     Attributes:
         case: the case.
@@ -117,6 +118,7 @@ class Simulation:
         threads: int | None = None,
         restart: Path | str | None = None,
         wall_time: float | None = None,
+        preparing: Callable[[int], None] | None = None,
     ) -> None:
         from warpsph.case_file import as_case
         from warpsph.model import Model, quiet_warp
@@ -124,7 +126,7 @@ class Simulation:
         begin = time.perf_counter()
         self._wall_time = _checked_wall_time(wall_time)
         self._deadline = begin + self._wall_time
-        quiet_warp()
+        quiet_warp(device)
         _check_device(device)
         case = as_case(case)
         self.case = case
@@ -140,7 +142,7 @@ class Simulation:
             state, attributes = checkpoint.load(self._restart)
             if output is not None:
                 _check_unfinished(case, self._restart, Path(output), float(attributes["time"]))
-        self.model: Model = Model(case, device=device, threads=threads, fresh=state is None)
+        self.model: Model = Model(case, device=device, threads=threads, fresh=state is None, preparing=preparing)
         if state is not None:
             _check_fit(self.model, state, attributes)
             try:
@@ -709,12 +711,18 @@ def describe(case: CaseLike) -> dict[str, Any]:
     """Return what a run of the case would be: resolved case, structure, stages, and what is absent and why.
 
     Compiles and allocates nothing on a device.
+
+    Raises:
+        CapacityError: the particles do not fit the memory of this machine.
     """
     from warpsph import schemes
     from warpsph.case_file import as_case
     from warpsph.kernels.fields import fields_of
 
     case = as_case(case)
+    refused = memory.shortage(case)
+    if refused is not None:
+        raise refused
     geometry = build(case, support_radius(case))
     physics = derive(case, geometry)
     known: dict[str, Any] = {
@@ -729,7 +737,7 @@ def describe(case: CaseLike) -> dict[str, Any]:
     return {
         "resolved": case.resolved(known),
         "structure": {
-            **{name: value for name, value in dataclasses.asdict(spec).items() if name != "row_list"},
+            **{name: value for name, value in dataclasses.asdict(spec).items() if name not in ("row_list", "wide_list")},
             "smoothing length": f"{physics.h:.6g} m",
             "support radius": f"{physics.support:.6g} m",
             "start arrangement": f"{geometry.arrangement}: {geometry.arrangement_reason}",
@@ -744,31 +752,37 @@ def describe(case: CaseLike) -> dict[str, Any]:
 
 
 def estimate(case: CaseLike) -> dict[str, Any]:
-    """Return particle counts, memory [bytes], time step [s], steps and seconds to expect, and warnings."""
+    """Return particle counts, memory of the device and of the host [bytes], time step [s], steps, seconds, and warnings.
+
+    Where the particles do not even fit the memory that building them takes, there are the first four alone, from
+    arithmetic, and `refused`, the CapacityError to raise.
+    """
     from warpsph.case_file import as_case
-    from warpsph.kernels.fields import fields_of
-    from warpsph.neighbours import default_width
 
     case = as_case(case)
+    found = memory.count(case, support_radius(case))
+    refused = memory.shortage(case, found=found)
+    if refused is not None:
+        return {
+            "particles": found.fluid,
+            "walls": found.walls,
+            "memory_bytes": memory.expected_on_device(case, found),
+            "host_bytes": memory.building(case, found),
+            "refused": refused,
+        }
     geometry = build(case, support_radius(case))
     physics = derive(case, geometry)
     spec = physics.spec
-    size = {"real": 1, "vec": spec.dimension, "mat": spec.dimension**2, "pair": 2}
-    width = 8 if case.precision == "float64" else 4
-    per_row = {"int8": 1, "uint8": 1, "int16": 2, "int32": 4}
-    rows = {"fluid": geometry.fluid_count, "wall": geometry.wall_count, "all": geometry.count}
-    memory = sum(
-        rows[field.rows] * (per_row.get(field.kind) or size[field.kind] * width) for field in fields_of(spec)
-    )
-    memory += geometry.count * (16 + 2 * spec.dimension * width)  # sort keys and scratch
-    capacity = case.numerics.neighbour_capacity
     skin = float(physics.choices["skin"])
-    if capacity == "auto":
-        capacity = default_width(spec, physics.support, case.spacing, skin)
-    entries = int(capacity)
-    memory += geometry.count * entries * 4
-    if spec.scheme == "isph":  # the pressure matrix: column and value of each entry
-        memory += geometry.fluid_count * entries * (4 + width)
+    fluid, walls = geometry.fluid_count, geometry.wall_count
+    taken = memory.on_device(case, spec, fluid, walls, physics.support, skin, geometry.lattice)
+    warnings = [*geometry.warnings, *physics.warnings]
+    free, host = memory.host_free(), memory.running_on_host(case, found)
+    if free is not None and host + taken > free:
+        warnings.append(
+            f"memory: a run on the CPU takes {(host + taken) / 1e9:.3g} GB, but {free / 1e9:.3g} GB are free here; it needs "
+            f"a device with {taken / 1e9:.3g} GB, or a larger particle_spacing"
+        )
     dt = physics.estimated_step()
     if spec.scheme == "isph":
         from warpsph import incompressible
@@ -776,13 +790,14 @@ def estimate(case: CaseLike) -> dict[str, Any]:
         dt = incompressible.expected_step(case, physics)
     steps = math.ceil(case.end_time / dt)
     return {
-        "particles": geometry.fluid_count,
-        "walls": geometry.wall_count,
-        "memory_bytes": memory,
+        "particles": fluid,
+        "walls": walls,
+        "memory_bytes": taken,
+        "host_bytes": host,
         "dt": dt,
         "steps": steps,
         "seconds": steps * geometry.count / (GUESSED_RATE * 1e6),
-        "warnings": [*geometry.warnings, *physics.warnings],
+        "warnings": warnings,
     }
 
 

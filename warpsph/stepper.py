@@ -30,7 +30,7 @@ class Stepper:
     """Runs time steps.
 
     Args:
-        spec: structure of the run.
+        spec: structure of the run; the list decides `wide_list`.
         particles: its particles, with the start values of the kept fields.
         launcher: launches kernels.
         values: run-time numbers by kernel argument name: `params`, `phases`, `tension`.
@@ -75,6 +75,7 @@ class Stepper:
             advancing=1,
         )
         self.list = NeighbourList(particles, launcher, self.bindings, **neighbour_list)
+        self.spec = self.list.spec
         self._views = (self.clock.numpy(), self.counters.numpy()) if launcher.is_cpu else None
         self._graph: Any = None
         self._allocate()
@@ -165,6 +166,7 @@ class Stepper:
 
     def _widen(self, peak: int) -> None:
         self.list.resize(min(int(1.2 * peak) + 4, max(peak + 1, WIDEST)))
+        self.spec = self.list.spec
         self._bind()
         self.write(counters={ck.FAULT: 0})
 

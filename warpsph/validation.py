@@ -469,7 +469,8 @@ def _execute(
     rows, status, problem = [], "failed", None
     begin = time.perf_counter()
     try:
-        simulation = Simulation(case, output=folder, device=device, threads=threads)
+        preparing = getattr(progress, "preparing", None)
+        simulation = Simulation(case, output=folder, device=device, threads=threads, preparing=preparing)
         simulation.run(progress=progress)
         rows, status = rows_of(simulation.summary["errors"]), "finished"
     except Interrupted:

@@ -38,7 +38,8 @@ class FakeSimulation:
     warnings = ["phases.water.sound_speed: too low"]
     failure: BaseException | None = None
 
-    def __init__(self, case, *, output, **choices):
+    def __init__(self, case, *, output, preparing, **choices):
+        preparing(0)
         self.case, self.output, self.choices = case, output, choices
         self.summary = SUMMARY
         FakeSimulation.made.append(self)
@@ -73,6 +74,7 @@ def simulation(monkeypatch):
         "particles": 1600,
         "walls": 704,
         "memory_bytes": 2**20,
+        "host_bytes": 3 * 2**20,
         "dt": 1e-3,
         "steps": 500,
         "seconds": 250.0,
@@ -168,6 +170,30 @@ def test_progress_on_a_terminal_draws_a_bar(monkeypatch, capsys):
     out = capsys.readouterr().out
     for part in ("1 / 2 s", "50%", "step 70", "2.5 Mups", "1 min 01 s left"):
         assert part in out
+
+
+def test_the_bar_says_that_kernels_are_compiled(monkeypatch, capsys):
+    """And, once they are, that the first step is to come: no bar stands at 0 % without a word."""
+    monkeypatch.setattr(sys.stdout, "isatty", lambda: True, raising=False)
+    monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.setenv("COLUMNS", "150")
+    with cli._progress_display(transient=True) as display:
+        display.preparing(3)
+    assert "compiling kernels: 3 ready" in capsys.readouterr().out
+    with cli._progress_display():
+        pass
+    assert "preparing the first step" in capsys.readouterr().out
+
+
+def test_lines_say_that_kernels_are_compiled(monkeypatch, capsys):
+    """From the second on that it takes, every few seconds."""
+    now = 100.0
+    monkeypatch.setattr(cli.time, "monotonic", lambda: now)
+    with cli._progress_display() as display:
+        for ready, moment in enumerate((100.5, 101.5, 102.0, 107.0)):
+            now = moment
+            display.preparing(ready)
+    assert capsys.readouterr().out == "compiling kernels: 1 ready\ncompiling kernels: 3 ready\n"
 
 
 def test_run_folders_are_numbered(command, case, simulation):

@@ -424,16 +424,16 @@ def simulation_clock():
 
 def test_list_that_cannot_grow(tmp_path, monkeypatch):
     """Exit code 5, with the key to look at; at the start and in the middle of a run."""
-    with pytest.raises(CapacityError, match="numerics.neighbour_capacity") as caught:
+    with pytest.raises(CapacityError, match="numerics.smoothing_ratio") as caught:
         Simulation(case_of(PERIODIC), threads=1).model.stepper.list.resize(32768)
     assert caught.value.exit_code == 5
-    monkeypatch.setattr(neighbours, "LARGEST_LIST", 400 * 20)
+    monkeypatch.setattr(neighbours, "WIDEST", 20)
     save_case(case_of(PERIODIC, numerics__neighbour_capacity=4), tmp_path / "case.yaml")
     arguments = ["run", str(tmp_path / "case.yaml"), "--output", str(tmp_path / "run"), "--threads", "1"]
     result = CliRunner().invoke(cli.app, arguments)
     assert result.exit_code == 5
-    assert "numerics.neighbour_capacity" in result.stderr and "Traceback" not in result.stderr
-    assert "numerics.neighbour_capacity" in (tmp_path / "run" / "log.txt").read_text()
+    assert "numerics.smoothing_ratio" in result.stderr and "Traceback" not in result.stderr
+    assert "numerics.smoothing_ratio" in (tmp_path / "run" / "log.txt").read_text()
 
 
 # Writing ----------------------------------------------------------------------------------------------------

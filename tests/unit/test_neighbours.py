@@ -4,6 +4,7 @@ import itertools
 
 import numpy as np
 import pytest
+import warp as wp
 
 from tests.helpers import Bench, Fluid, Setup, lattice
 from warpsph.errors import CapacityError
@@ -281,6 +282,23 @@ def test_a_list_beyond_all_numbers(device):
     bench = make(cloud(50, (1.0, 1.0)), (False, False), (1.0, 1.0), device=device)
     with pytest.raises(CapacityError):
         bench.list.resize(40000)
+
+
+def test_a_list_that_does_not_fit_the_memory(device, monkeypatch):
+    """What it needs, what is free, and a larger spacing that fits, never a longer list."""
+    bench = make(cloud(50, (1.0, 1.0)), (False, False), (1.0, 1.0), device=device)
+
+    def full(*_arguments, **_options):
+        raise RuntimeError("Failed to allocate")
+
+    monkeypatch.setattr(wp, "empty", full)
+    monkeypatch.setattr("warpsph.memory.host_free", lambda: 1000)
+    monkeypatch.setattr("warpsph.memory.device_free", lambda _device: 1000)
+    with pytest.raises(CapacityError) as caught:
+        bench.list.resize(80)
+    text = str(caught.value)
+    assert "need 16000 bytes" in text and "1000 are free" in text
+    assert text.endswith("a particle_spacing 4 times as large would fit")
 
 
 def test_cells_are_no_narrower_than_half_the_list_radius():

@@ -308,3 +308,10 @@ def test_shapes_are_measured_and_compared_in_the_middle_of_a_run(tmp_path):
     assert run.gauge("rise")["velocity_y liquid"][-1] < 0
     alone = Simulation(case, threads=1).run().summary["errors"]["shape"]
     assert (alone["error"], alone["note"]) == (None, "there is no particle file of t = 0.01 s")
+
+
+def test_kernels_are_counted_while_they_are_made_ready():
+    counts = []
+    run = Simulation(case_of(PERIODIC, end_time=0.01), threads=1, preparing=counts.append)
+    assert counts == list(range(len(counts))) and len(counts) > 10
+    run.close()
