@@ -195,9 +195,9 @@ def make_continuity(spec: Spec) -> Any:
                 rate += real(2.0) * slope(r * params.inv_h) * params.wall_volume * wp.dot(vi - velocity[j], d)
 
         if wp.static(sided):
-            # A heavy particle among light ones takes their pressure at up to twice the rate of one among its own, 2 c sum |W'| V.
-            # Forward Euler bears two such times in a step: what is beyond three quarters of that, and beyond the rate that it
-            # would have among its own, is left out.
+            # A heavy particle among light ones takes their pressure at up to twice the rate of one among its own, which is
+            # c sum |W'| V. Forward Euler bears 2 in a step: what is beyond three quarters of that, and beyond the rate that
+            # it would have among its own, is left out.
             step_rate = real(clock[STEP]) * own.sound_speed * params.dissipation * params.g_norm
             allowed = wp.max(real(STIFFEST) - step_rate * own_stiffness, step_rate * plain_stiffness)
             if step_rate * stiffness > allowed:

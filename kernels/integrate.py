@@ -13,10 +13,8 @@ from typing import Any
 import warp as wp
 
 from .clock import DRIFT_VELOCITY, EXCESS_PRESSURE, LAST_STEP, MAXIMA, RUNAWAY, STEP
-from .params import make_phase
+from .params import LEAST_DENSITY, make_phase
 from .spec import Spec, types_of
-
-LEAST_DENSITY = 0.9  # rarefaction 1 - rho/rho0 beyond which a run has diverged: its particle stands for ten times its room
 
 @functools.cache
 def make_kick_drift(spec: Spec) -> Any:

@@ -1,7 +1,7 @@
 """Particles that are where no fluid can be: beyond a wall of the domain or inside a body.
 
-Inside a body is who is nearer than half a spacing to the centre of one of its cells: the corners of its staircase are none
-of its surface.
+Inside a body is who is nearer than INSIDE spacings to the centre of one of its cells: the corners of its staircase are none
+of its surface, and what slides round one may graze it.
 
 They are counted whenever the neighbour list is built: nothing gets through a wall without a way that asks for a new list.
 `leak_counts` holds, per phase: the particles counted at the last build, and the most that any build has found.
@@ -16,6 +16,7 @@ from .mirror import NO_WALL, make_sides
 from .spec import Spec, types_of
 
 LAST, LARGEST = 0, 1
+INSIDE = 0.4  # a flat face of a cell is half a spacing from its centre
 
 
 @functools.cache
@@ -51,12 +52,14 @@ def make_leaks(spec: Spec) -> tuple[Any, Any]:
                 outside = outside or sides.kind[2 * axis] != NO_WALL
             if x[axis] > sides.upper[axis]:
                 outside = outside or sides.kind[2 * axis + 1] != NO_WALL
-            place_in_cells = (x[axis] - sides.lower[axis]) / (sides.upper[axis] - sides.lower[axis]) * real(solid_shape[axis])
-            index = wp.clamp(int(wp.floor(place_in_cells)), 0, solid_shape[axis] - 1)
+            share = (x[axis] - sides.lower[axis]) / (sides.upper[axis] - sides.lower[axis])
+            cells = share * real(solid_shape[axis])
+            index = wp.clamp(int(wp.floor(cells)), 0, solid_shape[axis] - 1)
             cell = cell * solid_shape[axis] + index
-            from_centre += (place_in_cells - real(index) - real(0.5)) * (place_in_cells - real(index) - real(0.5))
+            off = cells - real(index) - real(0.5)
+            from_centre += off * off
         if solid_cells.shape[0] > 0:
-            outside = outside or (solid_cells[cell] != wp.uint8(0) and from_centre < real(0.25))
+            outside = outside or (solid_cells[cell] != wp.uint8(0) and from_centre < real(INSIDE * INSIDE))
         if outside:
             own = int(0)
             if wp.static(spec.multiphase):

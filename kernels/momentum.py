@@ -15,9 +15,9 @@ Walls: the one-sided Riemann problem between a fluid that moves at u_n into a wa
     p*_i = p_i + Z_i max(u_n, 0)
 A fluid that is whole up to the wall makes that pressure by itself, in the continuity sweep, within the time that sound takes
 for a spacing. A particle without its own phase behind it does not: spray, or gas between a liquid and a wall. So the impact
-term counts as far as the own phase is missing (`alone`), along the normal of all wall particles in reach. Nor has such a
-particle a pressure gradient of its own that would hold it against what pushes it on: so far as it is alone and in the first
-row, the wall takes up what accelerates it into the wall, as the wall's own pressure would.
+term counts as far as the own phase is missing, or the particle has come nearer than its row (`lone`), along the normal of all
+wall particles in reach. Nor has such a particle a pressure gradient of its own that would hold it against what pushes it on: so
+far as it is lone and in the first row, the wall takes up what accelerates or shifts it into the wall.
 """
 
 import functools
@@ -45,7 +45,7 @@ def make_momentum(spec: Spec) -> Any:
     list_begin, list_step, neighbour, Listed = list_access(spec)
     _, star_pressure = make_star(spec.precision, spec.paper_star)
     laplace_jump = make_jump(spec.precision)
-    wall_pressure, wall_reaction = make_one_sided(spec.dimension, spec.precision)
+    alone_at_wall, wall_reaction = make_one_sided(spec.dimension, spec.precision)
     viscous = spec.viscosity != "none"
     viscous_term = make_viscosity(spec.viscosity if viscous else "morris", spec.dimension, spec.precision)
     periodic = any(spec.periodic)
@@ -124,11 +124,13 @@ def make_momentum(spec: Spec) -> Any:
         wall_flow = mat()  # the same over no-slip walls and the velocities mirrored in them
         own_even = vec()  # sum of F V x_ij over the own phase
         into_wall = vec()  # the same over walls: their normal, away from the fluid
+        gap2 = params.spacing * params.spacing  # square of the distance to the nearest wall cell [m^2]
         first_row = real(0.0)  # 1 in the first row before a wall, 0 from the second on
-        nearest = params.h * params.h * real(9.0)  # square of the distance to the nearest wall particle [m^2]
         approach = real(0.0)  # sum of F V x_ij.(v_i - v_w): speed into the wall times |into_wall|
         repulsion = vec()
         moment = mat()
+        half_cell = vec(real(0.5) * params.spacing)
+        lone = real(0.0)
         room = state_i[1]  # sum of (1 - r^2/R^2)^2 V, its own place included
         fluid_count = particle_count - slip.shape[0]
         k = list_begin(i, list_width)
@@ -233,7 +235,8 @@ def make_momentum(spec: Spec) -> Any:
                 f = slope(wp.sqrt(r2) * params.inv_h) * params.wall_volume
                 fd = f * d
                 into_wall += fd
-                nearest = wp.min(nearest, r2)
+                beyond = wp.max(wp.abs(d) - half_cell, vec())
+                gap2 = wp.min(gap2, wp.dot(beyond, beyond))
                 approach += wp.dot(vi - velocity[j], fd)
                 p_wall = state[j][0]
                 if wp.static(spec.multiphase):
@@ -266,15 +269,16 @@ def make_momentum(spec: Spec) -> Any:
                             vi - mirror, d, r2 + params.tiny, params.inv_h
                         )
 
+        wall_push = real(0.0)
         if wp.static(spec.walls):
-            # a gas that is pressed has the impedance rho c of the density that it has
-            impedance = own.impedance
-            if approach > real(0.0):
-                impedance *= wp.pow(rho_i / own.density, real(0.5) * (own.gamma + real(1.0)))
-            impact_pressure = wall_pressure(impedance, approach, into_wall, own_even, params.g_norm * params.h)
-            # twice: the state in the mirror has that pressure too
-            pressure_sum += (real(2.0) * impact_pressure) * into_wall
-            impact_pressure = real(2.0) * impact_pressure
+            gap = wp.sqrt(gap2) / params.spacing
+            first_row = wp.clamp(real(2.0) - real(2.0) * gap, real(0.0), real(1.0))
+            lone = alone_at_wall(into_wall, own_even, gap, params.g_norm * params.h)
+            if lone > real(0.0) and approach > real(0.0):
+                # a gas that is pressed has the impedance rho c of the density that it has; twice, for the state in the mirror
+                # has the pressure p* too
+                impedance = own.impedance * wp.pow(rho_i / own.density, real(0.5) * (own.gamma + real(1.0)))
+                wall_push = real(2.0) * lone * impedance * approach / wp.length(into_wall)
 
         g_norm = params.g_norm
         a = vec()
@@ -323,14 +327,13 @@ def make_momentum(spec: Spec) -> Any:
         if wp.static(spec.central_force):
             a -= params.pull * (xi - params.center)
         if wp.static(spec.walls):
-            # the first row of wall particles is half a spacing behind the surface, the first row of fluid half a spacing before
-            first_row = wp.clamp(real(3.0) - real(2.0) * wp.sqrt(nearest) / params.spacing, real(0.0), real(1.0))
-            reaction = wall_reaction(a, into_wall, own_even, first_row)
-            a += reaction
-            size = wp.length(into_wall) * g_norm
-            if size > real(0.0):
-                impact_pressure += rho_i * wp.length(reaction) / size
-            wall_impact[i] = impact_pressure
+            # without the correction, which would take what is missing behind the particle for an uneven arrangement
+            a -= into_wall * (wall_push * g_norm / rho_i)
+            if lone * first_row > real(0.0):
+                reaction = wall_reaction(a, into_wall, lone * first_row)
+                a += reaction
+                wall_push += rho_i * wp.length(reaction) / (wp.length(into_wall) * g_norm)
+            wall_impact[i] = wall_push
         acceleration[i] = a
 
         if wp.static(spec.shifting):
@@ -344,11 +347,11 @@ def make_momentum(spec: Spec) -> Any:
             if length > cap:
                 dx = dx * (cap / length)
             if wp.static(spec.walls):
-                dx += wall_reaction(dx, into_wall, own_even, first_row)
+                dx += wall_reaction(dx, into_wall, lone * first_row)
             shift[i] = dx
             # What the particle carries is that of its new place: dv = grad v dx, ds = dx.grad p / (rho0 c^2). The mirrored
-            # velocities take no part: the shift keeps a particle off a wall that the flow holds it against, step by step, and
-            # would pump up its velocity by as much each time, up to 14-fold with what is mirrored far behind the wall.
+            # velocities take no part: the shift keeps a particle off a wall that the flow holds it against, step by step,
+            # and would pump up its velocity each time, up to 14-fold with what is mirrored far behind the wall.
             carried[i] = inner_shear * dx
             s = density_excess[i] + wp.dot(dx, gradient) * own.compressibility
             if wp.static(spec.room):

@@ -7,6 +7,8 @@ import warp as wp
 
 from .spec import types
 
+LEAST_DENSITY = 0.9  # rarefaction 1 - rho/rho0 beyond which a run has diverged: its particle stands for ten times its room
+
 
 @functools.cache
 def make_params(dimension: int, precision: str) -> Any:

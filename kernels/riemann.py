@@ -75,51 +75,47 @@ def make_jump(precision: str) -> Any:
 
 
 class OneSided(NamedTuple):
-    """`wp.func`s of the one-sided problem at a wall: pressure [Pa] and acceleration [m/s^2] that a wall adds."""
+    """`wp.func`s of the one-sided problem at a wall, see `momentum`."""
 
-    pressure: Any
+    alone: Any
     reaction: Any
 
 
 @functools.cache
 def make_one_sided(dimension: int, precision: str) -> OneSided:
-    """Return wall_pressure(Z, approach, into_wall, own_even, norm), wall_reaction(a, into_wall, own_even, near).
-
-    The first is alone Z max(u_n, 0), what the one-sided Riemann problem adds to the pressure of a particle that moves into a
-    wall at u_n. The second is -alone near max(a.n, 0) n: a particle of the first row is not pushed into the wall.
+    """Return alone_at_wall(into_wall, own_even, gap, norm) in 0..1 and wall_reaction(a, into_wall, share) = -share max(a.n, 0) n.
 
     Arguments of the functions:
-        Z: impedance [kg/(m^2 s)]; a: acceleration by all else [m/s^2]
-        approach: sum over the wall of F V x_ij.(v_i - v_w) [m/s times the unit of into_wall]
         into_wall: sum over the wall of F V x_ij, x_ij from the wall particle to the fluid particle: n times its length
         own_even: the same over the fluid of the own phase
+        gap: distance to the surface of the wall [particle spacings]; half of one in an even row
         norm: makes `into_wall` dimensionless
-        near: 1 in the first row before the wall, 0 from the second on
-    alone = 2 (1 + own_even.into_wall/|into_wall|^2), in 0..1: 0 where the own phase stands against the wall as a whole, 1 where
-    half of it is missing or more.
+        a: an acceleration [m/s^2], or a displacement [m]
+    Where the own phase stands against the wall as a whole and the row has its place, alone is 0. It is 1 where half of the
+    phase is missing, own_even.into_wall > -|into_wall|^2/2, or a tenth of a spacing before the surface of the wall; that begins
+    at a quarter, half of the place of the row.
     """
     real, vec, _, _ = types(dimension, precision)
     edge = 1.0e-4  # a wall that is hardly in reach has no normal yet
+    begins, whole = 0.25, 0.1  # gaps [spacings] at which a row that has left its place touches the wall
+    span = begins - whole
 
     @wp.func
-    def alone_at_wall(into_wall: vec, own_even: vec):
-        missing = real(1.0) + wp.dot(own_even, into_wall) / wp.dot(into_wall, into_wall)
-        return wp.clamp(real(2.0) * missing, real(0.0), real(1.0))
-
-    @wp.func
-    def wall_pressure(z: real, approach: real, into_wall: vec, own_even: vec, norm: real):
+    def alone_at_wall(into_wall: vec, own_even: vec, gap: real, norm: real):
         result = real(0.0)
-        size = wp.length(into_wall)
-        if approach > real(0.0) and size * norm > real(edge):
-            result = alone_at_wall(into_wall, own_even) * z * approach / size
+        size2 = wp.dot(into_wall, into_wall)
+        if size2 * norm * norm > real(edge * edge):
+            missing = real(2.0) + real(2.0) * wp.dot(own_even, into_wall) / size2
+            near = (real(begins) - gap) / real(span)
+            result = wp.clamp(wp.max(missing, near), real(0.0), real(1.0))
         return result
 
     @wp.func
-    def wall_reaction(a: vec, into_wall: vec, own_even: vec, near: real):
+    def wall_reaction(a: vec, into_wall: vec, share: real):
         result = vec()
         push = wp.dot(a, into_wall)
-        if push > real(0.0) and near > real(0.0):
-            result = into_wall * (-alone_at_wall(into_wall, own_even) * near * push / wp.dot(into_wall, into_wall))
+        if push > real(0.0) and share > real(0.0):
+            result = into_wall * (-share * push / wp.dot(into_wall, into_wall))
         return result
 
-    return OneSided(wall_pressure, wall_reaction)
+    return OneSided(alone_at_wall, wall_reaction)

@@ -1,20 +1,20 @@
 """Random plausible scenes, and what a run of one must not do: `stress.py --scenes N --seed S`.
 
 A scene is drawn whole from its seed: one to three real liquids and gases, from millimetres to metres, two or three
-dimensions, sides that are walls, free-slip walls, periodic or a moving lid, gravity or none, tension and contact angles or
-none; columns, layers, drops, bubbles, drops that are thrown at a floor or a pool, thin films, fixed obstacles. All numerics are
-`auto`. One scene in four is of one liquid; a part of those runs with projection ISPH.
+dimensions, sides that are walls, free-slip walls, periodic or a moving lid, gravity or none, tension and contact angles
+or none; columns, layers, drops, bubbles, drops that are thrown at a floor or a pool, thin films, fixed obstacles. All
+numerics are `auto`. One scene in six is of one liquid; a part of those runs with projection ISPH.
 
 A run is judged by what the scene itself allows, with no number taken from a run:
 
 * lives: no fault, everything finite;
 * leaks: no particle was ever outside of the domain or inside a body (`Model.leaks`);
-* speed: of phase k at most SPEED_MARGIN sqrt(2 p/rho_k), p the largest pressure that weight, start speed, moving walls and
-  tension can make (Bernoulli), QUIET c at least; a light phase that a heavy one squeezes out may be as fast as that;
-* energy: kinetic + potential + elastic energy at no sample more than ENERGY_LIMIT of the scene's energy above what the start
-  has, its surfaces included. The scene's energy is kinetic + surface energy of the start + the potential energy above that of
-  the same fluids sorted by density + what lifts all fluid by LIFT spacings, within which no arrangement of particles knows its
-  height. Not judged where a moving wall feeds the scene.
+* speed: of phase k at most SPEED_MARGIN sqrt(2 p/rho_k), p the largest pressure that weight, start speed, moving walls
+  and tension can make (Bernoulli), QUIET c at least; a light phase that a heavy one squeezes out may be as fast as that;
+* energy: kinetic + potential + elastic energy at no sample more than ENERGY_LIMIT of the scene's energy above what the
+  start has, its surfaces included. The scene's energy is kinetic + surface energy of the start + the potential energy
+  above that of the same fluids sorted by density + what lifts all fluid by LIFT spacings, since no arrangement of
+  particles knows its height better. Not judged where a moving wall feeds the scene.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ import numpy as np
 
 SAMPLES = 20
 ENERGY_LIMIT = 0.02
-LIFT = 5.0
+LIFT = 10.0  # with ENERGY_LIMIT a fifth of a spacing: the disorder that a scene may start with (`start.noise`)
 SPEED_MARGIN = 2.0
 QUIET = 1.0e-3  # of the lowest sound speed: what a scene without any energy may move at
 CRITERIA = ("lives", "leaks", "speed", "energy")
@@ -213,7 +213,8 @@ def _fluids(
     d = len(size)
 
     def column(phase: str) -> dict[str, Any]:
-        return {"phase": phase, "shape": _box([0.0] * d, [draw.uniform(0.25, 0.5) * size[0], *size[1:-1], draw.uniform(0.4, 0.9) * size[-1]])}
+        width, height = draw.uniform(0.25, 0.5) * size[0], draw.uniform(0.4, 0.9) * size[-1]
+        return {"phase": phase, "shape": _box([0.0] * d, [width, *size[1:-1], height])}
 
     def layer(phase: str, top: float) -> dict[str, Any]:
         return {"phase": phase, "shape": _box([0.0] * d, [*size[:-1], top])}

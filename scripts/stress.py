@@ -2,8 +2,11 @@
 
     python scripts/stress.py [--quick] [--device cpu|cuda:0] [--threads N] [--processes N] [--only SCENE ...]
                              [--steps 2000] [--random 4] [--seed 1] [--point KEY=VALUE ...] [--json FILE]
+    python scripts/stress.py --scenes N [--seed S] [--set KEY=VALUE] [--gpu-share K] ...
 
-Four two-phase scenes in a unit box, radius or layer R = 0.25: a static drop (periodic, tension), a layered tank at rest
+The second form runs N random scenes of 20 000 steps, seeds S and following, and judges them: `random_scenes.py`.
+
+The first: four two-phase scenes in a unit box, radius or layer R = 0.25: a static drop (periodic, tension), a layered tank at rest
 (walls, gravity), a drop stirred by Taylor-Green vortices (periodic, tension), a rising bubble (walls, gravity, tension).
 Each runs at a base point, with one axis of AXES changed at a time, and at random points (`--random`, `--seed`). `--point`
 runs one point alone, e.g. `--only bubble --point density_ratio=10000 noise=0.3`. All numerics are `auto` but for what an
@@ -517,7 +520,8 @@ def run_scenes(chosen: argparse.Namespace) -> int:
     print(f"{len(rows)} scenes, {failed} missed a limit ({counts}), {time.perf_counter() - begin:.0f} s")
     if chosen.json:
         chosen.json.parent.mkdir(parents=True, exist_ok=True)
-        head = {"device": chosen.device, "gpu_share": chosen.gpu_share, "steps": steps, "seed": chosen.seed, "missed": missed}
+        head = {key: getattr(chosen, key) for key in ("device", "gpu_share", "scenes", "seed")}
+        head |= {"command": "python " + " ".join(sys.argv), "steps": steps, "missed": missed}
         chosen.json.write_text(json.dumps(plain({**head, "rows": rows}), indent=1))
     return 1 if failed else 0
 

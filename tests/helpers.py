@@ -368,17 +368,17 @@ class Bench(Setup):
         self.launcher.task("momentum", make_momentum(self.spec), self.particles.fluid_count, self.bindings).run()
         return self.get("acceleration")
 
-    def density_rate(self):
-        """Run the continuity sweep; return (1/rho) drho/dt of the fluid [1/s] and restore what it wrote."""
+    def density_rate(self, step=1.0e-6):
+        """Run the continuity sweep with a step [s]; return (1/rho) drho/dt of the fluid [1/s] and restore what it wrote."""
         before = {name: self.particles.get(name) for name in ("density_excess", "state")}
         excess = self.get("density_excess")
         self.particles.put("state_old", before["state"][: self.particles.fluid_count])
         # the sweep of a step is centred: here nothing moves, so its middle is where the particles are
         self.particles.put("midway", self.particles.get("position")[: self.particles.fluid_count])
-        self.set_clock(STEP=1.0)
+        self.set_clock(STEP=step)
         task = self.launcher.task("continuity", make_continuity(self.spec), self.particles.fluid_count, self.bindings)
         task.run()
-        rate = (self.get("density_excess") - excess) / (1.0 + excess)
+        rate = (self.get("density_excess") - excess) / (1.0 + excess) / step
         for name, values in before.items():
             self.particles.put(name, values)
         return rate

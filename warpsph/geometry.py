@@ -480,9 +480,10 @@ class _Walls:
         """Fill the layers beyond those sides of the domain that are walls.
 
         A cell beyond two or three walls at once (edges and corners) obeys the no-slip ones among them, all of
-        them if none is no-slip. It has the sum of their velocities: each wall goes on beyond the edge, so that for fluid
-        beside it what moves along it cancels out in the divergence, above and below. It is counted to the body of the
-        wall that it lies deepest behind.
+        them if none is no-slip. Each of these walls goes on beyond the edge with its velocity, so that what moves along it
+        cancels out in the divergence of the fluid beside it, above and below: along each axis the cell has the mean
+        velocity of the walls that can have one, those whose normal is another axis. It is counted to the body of the wall
+        that it lies deepest behind.
         """
         lattice, d = self.lattice, self.lattice.dimension
         # per axis, for each layer of cells: how far beyond a wall it is (in layers, 0 if it is not), and
@@ -518,8 +519,10 @@ class _Walls:
         decides = np.where(any_no_slip[:, None], no_slip, behind > 0)
 
         velocity = np.zeros((len(behind), d))
-        for k in range(d):
-            velocity += np.where(decides[:, k, None], speeds[k][cells[k]], 0.0)
+        for axis in range(d):
+            others = [k for k in range(d) if k != axis]
+            own = sum(np.where(decides[:, k], speeds[k][cells[k]][:, axis], 0.0) for k in others)
+            velocity[:, axis] = own / np.maximum(decides[:, others].sum(axis=1), 1)
 
         deepest = np.argmax(2 * behind + no_slip, axis=1)  # among equals a no-slip wall, then the first axis
         body = np.choose(deepest, [bodies[k][cells[k]] for k in range(d)])

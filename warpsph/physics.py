@@ -38,7 +38,7 @@ STIFFER = {True: 50.0, False: 1000.0}
 CORNER = 0.1
 # Forward-Euler limits of the viscous terms in rho h^2/mu (methods A9), with a margin.
 VISCOUS_LIMIT = {"morris": 0.125, "radial": 0.06, "paper": 0.06}
-# Density excess that is never a fault by itself: the counterpart of the rarefaction that is one, `integrate.LEAST_DENSITY`.
+# Density excess that is never a fault by itself: the counterpart of the rarefaction that is one, `params.LEAST_DENSITY`.
 LEAST_EXCESS = 0.9
 IMPROVED_RATIO = 1.5
 PAPER_RATIO = 1.25
@@ -100,13 +100,13 @@ class Physics:
 
     @property
     def hardest_pressure(self) -> float:
-        """Largest rho c^2 of the phases [Pa]: what the hardest of them makes when it is stopped at the speed of its sound."""
+        """Largest rho c^2 of the phases [Pa]: what the hardest of them makes when stopped at the speed of its sound."""
         return max(rho * c**2 for rho, c in zip(self.densities, self.sound_speed, strict=True))
 
     def most_excess(self, gamma: float, density: float, sound_speed: float) -> float:
         """Return the density excess at which a phase carries the hardest pressure [-]: more is divergence.
 
-        A gas that a liquid runs into may be pressed to several times its density: that is no fault, it is its equation of state.
+        A gas that a liquid runs into may be pressed to several times its density: no fault, but its equation of state.
         """
         ratio = 1.0 + gamma * self.hardest_pressure / (density * sound_speed**2)
         return float(max(ratio ** (1.0 / gamma) - 1.0, LEAST_EXCESS))

@@ -358,7 +358,7 @@ class Simulation:
 
     def _fail(self, row: int, writer: Writer | None) -> None:
         """Report the particle that ran away and keep the state for a look."""
-        from warpsph.kernels.integrate import LEAST_DENSITY
+        from warpsph.kernels.params import LEAST_DENSITY
 
         model = self.model
         identity = int(model.particles.get("particle_id")[row])

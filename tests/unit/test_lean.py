@@ -20,7 +20,7 @@ HEAVY = ("pyvista", "vtk", "vtkmodules", "matplotlib", "h5py", "scipy", "pandas"
 # What each piece of physics brings with it.
 FIELDS = {
     "second phase": {"phase", "velocity_gradient", "facing"},
-    "walls": {"wall_body", "wall_neighbours"},
+    "walls": {"wall_body", "wall_neighbours", "wall_impact"},
     "friction on walls": {"slip", "wall_depth", "mirror_velocity"},
     "tension": {"fraction", "normal", "interface_weight", "curvature"},
     "interface band": {"band_mark", "band_sum", "band"},
