@@ -16,6 +16,7 @@ from .clock import DRIFT_VELOCITY, EXCESS_PRESSURE, LAST_STEP, MAXIMA, RUNAWAY, 
 from .params import LEAST_DENSITY, make_phase
 from .spec import Spec, types_of
 
+
 @functools.cache
 def make_kick_drift(spec: Spec) -> Any:
     """Return the kernel that moves the fluid particles and watches speed, way and faults."""

@@ -28,7 +28,7 @@ import warp as wp
 from .clock import MAXIMA, STEP
 from .pair import BAND, NEAR, WRAPPED, list_access, separation_of
 from .params import make_params, make_phase
-from .riemann import make_jump, make_star, make_one_sided
+from .riemann import make_jump, make_one_sided, make_star
 from .smoothing import make_smoothing
 from .spec import SWEEP_OPTIONS, Spec, types_of
 from .viscosity import make_viscosity

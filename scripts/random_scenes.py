@@ -111,7 +111,7 @@ def _scene(draw: Draw, title: str) -> dict[str, Any]:
         "title": title,
         "dimension": dimension,
         "particle_spacing": spacing,
-        "end_time": 1.0e9,  # runs are counted in steps
+        "end_time": 1.0e6,  # runs are counted in steps
         "precision": "float64" if draw.chance(0.12) else "float32",
         "gravity": [0.0] * (dimension - 1) + [-GRAVITY if gravity else 0.0],
         "phases": phases,

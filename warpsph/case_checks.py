@@ -42,7 +42,7 @@ from warpsph.case import (
 )
 from warpsph.case_values import NAME, CaseModel, example, formula_text, suggestion
 from warpsph.errors import MISSING, ExpressionError, Problem
-from warpsph.expressions import Expression, compile_expression
+from warpsph.expressions import Expression
 from warpsph.magnitudes import check_inputs
 from warpsph.sensors import NoPlane, face_radius, wall_normal
 
