@@ -16,6 +16,7 @@ from .riemann import make_jump, make_star
 from .smoothing import make_smoothing
 from .spec import SWEEP_OPTIONS, Spec, types_of
 
+PRESSED = 1.1  # density over that at rest from which on the impedance follows it
 STIFFEST = 1.5  # rate, over a step, at which the pressure of a particle may follow that of its neighbours
 
 
@@ -107,6 +108,16 @@ def make_continuity(spec: Spec) -> Any:
             wrapped = (flag & WRAPPED) != 0
             near = (flag & NEAR) != 0
         inv_z = own.mobility  # a quotient here would be pushed into the pair loop by the compiler
+        hardened = real(1.0)
+        softened = real(1.0)
+        if wp.static(spec.dissipation):
+            # A gas that is pressed is stiffer by (1+s)^gamma, and its impedance rho c is larger by the power (gamma+1)/2:
+            # with the impedance at rest the pressures of neighbours would overshoot each other. A few per cent do not count.
+            pressed = rest_volume[i] / (state_old[i][1] * real(PRESSED))
+            if pressed > real(1.0):
+                hardened = wp.pow(pressed, own.gamma)
+                softened = wp.pow(pressed, real(-0.5) * (own.gamma + real(1.0)))
+                inv_z *= softened
 
         rate = real(0.0)
         evening = real(0.0)  # part of the rate from pressure differences to other phases
@@ -198,8 +209,8 @@ def make_continuity(spec: Spec) -> Any:
             # A heavy particle among light ones takes their pressure at up to twice the rate of one among its own, which is
             # c sum |W'| V. Forward Euler bears 2 in a step: what is beyond three quarters of that, and beyond the rate that
             # it would have among its own, is left out.
-            step_rate = real(clock[STEP]) * own.sound_speed * params.dissipation * params.g_norm
-            allowed = wp.max(real(STIFFEST) - step_rate * own_stiffness, step_rate * plain_stiffness)
+            step_rate = real(clock[STEP]) * own.sound_speed * params.dissipation * params.g_norm * hardened
+            allowed = wp.max(real(STIFFEST) - step_rate * softened * own_stiffness, step_rate * softened * plain_stiffness)
             if step_rate * stiffness > allowed:
                 evening = evening * (allowed / (step_rate * stiffness))
             rate += evening

@@ -125,7 +125,7 @@ FIELDS: tuple[Field, ...] = (
     Field("state_old", "pair", "fluid", False, _riemann, "Pa, m^d", "state before the continuity sweep"),
     Field("particle_id", "int32", "all", True, _always, "-", "number given at the start"),
     Field("phase", "int8", "fluid", True, _multiphase, "-", "index of the fluid phase"),
-    Field("wall_impact", "real", "fluid", True, _walls_of_riemann, "Pa", "what a wall adds to the pressure of who runs into it"),
+    Field("wall_impact", "real", "fluid", True, _walls_of_riemann, "Pa", "what a wall adds to the pressure of an impact"),
     Field("shift", "vec", "fluid", True, _shifting, "m", "shift to apply in the next drift"),
     Field("carried", "vec", "fluid", True, _shifting, "m/s", "change of velocity that belongs to the shift"),
     Field("velocity_gradient", "mat", "fluid", False, _sided, "1/s", "grad v of the own phase, next to an interface"),

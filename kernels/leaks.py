@@ -3,6 +3,7 @@
 Inside a body is who is nearer than INSIDE spacings to the centre of one of its cells: the corners of its staircase are none
 of its surface, and what slides round one may graze it.
 
+Beyond a wall is who is in the layers of its particles; where a side is open, fluid may come to lie beyond that over the rim.
 They are counted whenever the neighbour list is built: nothing gets through a wall without a way that asks for a new list.
 `leak_counts` holds, per phase: the particles counted at the last build, and the most that any build has found.
 """
@@ -36,6 +37,7 @@ def make_leaks(spec: Spec) -> tuple[Any, Any]:
         slot: int,
         phase_count: int,
         sides: Sides,
+        wall_thickness: real,
         solid_shape: wp.vec3i,
         solid_cells: wp.array(dtype=wp.uint8),
         phase: wp.array(dtype=wp.int8),
@@ -45,13 +47,21 @@ def make_leaks(spec: Spec) -> tuple[Any, Any]:
         i = wp.tid() + first
         x = place[i]
         outside = bool(False)
+        gone = bool(False)
         cell = int(0)
         from_centre = real(0.0)
         for axis in range(wp.static(dimension)):
-            if x[axis] < sides.lower[axis]:
-                outside = outside or sides.kind[2 * axis] != NO_WALL
-            if x[axis] > sides.upper[axis]:
-                outside = outside or sides.kind[2 * axis + 1] != NO_WALL
+            below, above = sides.lower[axis] - x[axis], x[axis] - sides.upper[axis]
+            if below > real(0.0):
+                if sides.kind[2 * axis] != NO_WALL and below < wall_thickness:
+                    outside = True
+                else:
+                    gone = True
+            if above > real(0.0):
+                if sides.kind[2 * axis + 1] != NO_WALL and above < wall_thickness:
+                    outside = True
+                else:
+                    gone = True
             share = (x[axis] - sides.lower[axis]) / (sides.upper[axis] - sides.lower[axis])
             cells = share * real(solid_shape[axis])
             index = wp.clamp(int(wp.floor(cells)), 0, solid_shape[axis] - 1)
@@ -60,7 +70,7 @@ def make_leaks(spec: Spec) -> tuple[Any, Any]:
             from_centre += off * off
         if solid_cells.shape[0] > 0:
             outside = outside or (solid_cells[cell] != wp.uint8(0) and from_centre < real(INSIDE * INSIDE))
-        if outside:
+        if outside and not gone:
             own = int(0)
             if wp.static(spec.multiphase):
                 own = int(phase[i])

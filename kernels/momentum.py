@@ -15,9 +15,10 @@ Walls: the one-sided Riemann problem between a fluid that moves at u_n into a wa
     p*_i = p_i + Z_i max(u_n, 0)
 A fluid that is whole up to the wall makes that pressure by itself, in the continuity sweep, within the time that sound takes
 for a spacing. A particle without its own phase behind it does not: spray, or gas between a liquid and a wall. So the impact
-term counts as far as the own phase is missing, or the particle has come nearer than its row (`lone`), along the normal of all
-wall particles in reach. Nor has such a particle a pressure gradient of its own that would hold it against what pushes it on: so
-far as it is lone and in the first row, the wall takes up what accelerates or shifts it into the wall.
+term counts as far as the own phase is missing (`lone`), along the normal of all wall particles in reach. Nor has such a
+particle a pressure gradient of its own that would hold it against what pushes it on: so far as it is lone and in the first
+row, the wall takes up what accelerates or shifts it into the wall. Any particle that has lost half of the place of its row
+touches the wall: each cell straight ahead takes up what drives it there, along its own axis; corners have two normals.
 """
 
 import functools
@@ -32,6 +33,9 @@ from .riemann import make_jump, make_one_sided, make_star
 from .smoothing import make_smoothing
 from .spec import SWEEP_OPTIONS, Spec, types_of
 from .viscosity import make_viscosity
+
+# Gaps [spacings] at which a particle begins to touch a wall, half of the place of its row, and at which it is stopped.
+TOUCH, STOP = 0.25, 0.1
 
 
 @functools.cache
@@ -125,6 +129,10 @@ def make_momentum(spec: Spec) -> Any:
         own_even = vec()  # sum of F V x_ij over the own phase
         into_wall = vec()  # the same over walls: their normal, away from the fluid
         gap2 = params.spacing * params.spacing  # square of the distance to the nearest wall cell [m^2]
+        face_gap = vec(params.spacing)  # clearance along each axis to the wall cell straight ahead [m]
+        face_side = vec()  # whether that cell is above (1) or below (-1)
+        face_speed = vec()  # speed of that cell along the axis [m/s]
+        touch = vec()  # share of what drives the particle along each axis that such a cell takes up
         first_row = real(0.0)  # 1 in the first row before a wall, 0 from the second on
         approach = real(0.0)  # sum of F V x_ij.(v_i - v_w): speed into the wall times |into_wall|
         repulsion = vec()
@@ -237,6 +245,16 @@ def make_momentum(spec: Spec) -> Any:
                 into_wall += fd
                 beyond = wp.max(wp.abs(d) - half_cell, vec())
                 gap2 = wp.min(gap2, wp.dot(beyond, beyond))
+                for axis in range(wp.static(spec.dimension)):
+                    across = beyond
+                    across[axis] = real(0.0)
+                    if wp.dot(across, across) == real(0.0):
+                        # this cell is straight ahead along the axis
+                        clear = wp.abs(d[axis]) - half_cell[axis]
+                        if clear < face_gap[axis]:
+                            face_gap[axis] = clear
+                            face_side[axis] = -wp.sign(d[axis])
+                            face_speed[axis] = velocity[j][axis]
                 approach += wp.dot(vi - velocity[j], fd)
                 p_wall = state[j][0]
                 if wp.static(spec.multiphase):
@@ -273,12 +291,15 @@ def make_momentum(spec: Spec) -> Any:
         if wp.static(spec.walls):
             gap = wp.sqrt(gap2) / params.spacing
             first_row = wp.clamp(real(2.0) - real(2.0) * gap, real(0.0), real(1.0))
-            lone = alone_at_wall(into_wall, own_even, gap, params.g_norm * params.h)
+            lone = alone_at_wall(into_wall, own_even, params.g_norm * params.h)
             if lone > real(0.0) and approach > real(0.0):
-                # a gas that is pressed has the impedance rho c of the density that it has; twice, for the state in the mirror
-                # has the pressure p* too
+                # A gas that is pressed has the impedance rho c of the density that it has. Twice: the state in the mirror
+                # has the pressure p* too.
                 impedance = own.impedance * wp.pow(rho_i / own.density, real(0.5) * (own.gamma + real(1.0)))
                 wall_push = real(2.0) * lone * impedance * approach / wp.length(into_wall)
+                # backward Euler: however near the wall is, it stops a particle and does not throw it back
+                damping = real(2.0) * lone * impedance * wp.length(into_wall) * params.g_norm / rho_i
+                wall_push /= real(1.0) + damping * real(clock[STEP])
 
         g_norm = params.g_norm
         a = vec()
@@ -333,6 +354,18 @@ def make_momentum(spec: Spec) -> Any:
                 reaction = wall_reaction(a, into_wall, lone * first_row)
                 a += reaction
                 wall_push += rho_i * wp.length(reaction) / (wp.length(into_wall) * g_norm)
+            for axis in range(wp.static(spec.dimension)):
+                touch[axis] = wp.clamp(
+                    (real(TOUCH) - face_gap[axis] / params.spacing) / real(wp.static(TOUCH - STOP)), real(0.0), real(1.0)
+                )
+                if touch[axis] > real(0.0):
+                    side = face_side[axis]
+                    drive = wp.max(a[axis] * side, real(0.0))
+                    speed = wp.max((vi[axis] - face_speed[axis]) * side, real(0.0))
+                    damping = real(2.0) * own.sound_speed * wp.abs(into_wall[axis]) * g_norm
+                    drive += speed * damping / (real(1.0) + damping * real(clock[STEP]))
+                    a[axis] -= touch[axis] * drive * side
+                    wall_push += rho_i * touch[axis] * drive / (wp.length(into_wall) * g_norm)
             wall_impact[i] = wall_push
         acceleration[i] = a
 
@@ -348,6 +381,9 @@ def make_momentum(spec: Spec) -> Any:
                 dx = dx * (cap / length)
             if wp.static(spec.walls):
                 dx += wall_reaction(dx, into_wall, lone * first_row)
+                for axis in range(wp.static(spec.dimension)):
+                    if dx[axis] * face_side[axis] > real(0.0):
+                        dx[axis] -= touch[axis] * dx[axis]
             shift[i] = dx
             # What the particle carries is that of its new place: dv = grad v dx, ds = dx.grad p / (rho0 c^2). The mirrored
             # velocities take no part: the shift keeps a particle off a wall that the flow holds it against, step by step,

@@ -83,31 +83,26 @@ class OneSided(NamedTuple):
 
 @functools.cache
 def make_one_sided(dimension: int, precision: str) -> OneSided:
-    """Return alone_at_wall(into_wall, own_even, gap, norm) in 0..1 and wall_reaction(a, into_wall, share) = -share max(a.n, 0) n.
+    """Return alone_at_wall(into_wall, own_even, norm) in 0..1, wall_reaction(a, into_wall, share) = -share max(a.n, 0) n.
 
     Arguments of the functions:
         into_wall: sum over the wall of F V x_ij, x_ij from the wall particle to the fluid particle: n times its length
         own_even: the same over the fluid of the own phase
-        gap: distance to the surface of the wall [particle spacings]; half of one in an even row
         norm: makes `into_wall` dimensionless
         a: an acceleration [m/s^2], or a displacement [m]
-    Where the own phase stands against the wall as a whole and the row has its place, alone is 0. It is 1 where half of the
-    phase is missing, own_even.into_wall > -|into_wall|^2/2, or a tenth of a spacing before the surface of the wall; that begins
-    at a quarter, half of the place of the row.
+    alone is 0 where the own phase stands against the wall as a whole, 1 where half of it is missing:
+    own_even.into_wall > -|into_wall|^2/2.
     """
     real, vec, _, _ = types(dimension, precision)
     edge = 1.0e-4  # a wall that is hardly in reach has no normal yet
-    begins, whole = 0.25, 0.1  # gaps [spacings] at which a row that has left its place touches the wall
-    span = begins - whole
 
     @wp.func
-    def alone_at_wall(into_wall: vec, own_even: vec, gap: real, norm: real):
+    def alone_at_wall(into_wall: vec, own_even: vec, norm: real):
         result = real(0.0)
         size2 = wp.dot(into_wall, into_wall)
         if size2 * norm * norm > real(edge * edge):
             missing = real(2.0) + real(2.0) * wp.dot(own_even, into_wall) / size2
-            near = (real(begins) - gap) / real(span)
-            result = wp.clamp(wp.max(missing, near), real(0.0), real(1.0))
+            result = wp.clamp(missing, real(0.0), real(1.0))
         return result
 
     @wp.func

@@ -455,7 +455,10 @@ def _march(model: Any, row: dict[str, Any], steps: int) -> None:
         if not (np.isfinite(speed).all() and np.isfinite(snapshot.density).all()):
             row["fault"] = f"not finite at step {snapshot.step}"
             break
-        fastest = [float(speed[snapshot.phase == k].max(initial=0.0)) for k in range(len(allowed.speed))]
+        # what has left through an open side falls for ever
+        low, high = np.array(model.case.domain.lower), np.array(model.case.domain.upper)
+        there = ((snapshot.position >= low) & (snapshot.position <= high)).all(axis=1)
+        fastest = [float(speed[there & (snapshot.phase == k)].max(initial=0.0)) for k in range(len(allowed.speed))]
         parts = allowed.parts(model, snapshot)
         worst["speed"] = max(worst["speed"], *(s / a for s, a in zip(fastest, allowed.speed, strict=True)))
         worst["energy"] = max(worst["energy"], (sum(parts) - allowed.start) / allowed.scale)

@@ -194,6 +194,8 @@ class Model:
             "phases": wp.array(rows, dtype=Phase, device=self.device),
             "tension": wp.array(physics.tension.ravel(), dtype=real, device=self.device),
             "phase_count": len(case.phases),
+            # with an open side fluid may come to lie beyond a wall over its rim, else nowhere
+            "wall_thickness": real(physics.support if case.has_open_sides else 1.0e30),
             **self._solid_cells(),
             "contact_angles": wp.array(contact_matrix(case).ravel(), dtype=real, device=self.device),
         }

@@ -99,8 +99,8 @@ class Simulation:
     than the checkpoint; another folder must be new or empty, and starts at the time of the checkpoint.
 
     Raises:
-        CaseError: the case is wrong, the device does not exist, the checkpoint does not fit the case, `wall_time` is not above
-            0, or with an output folder there is nothing left to compute after the checkpoint.
+        CaseError: the case is wrong, the device does not exist, the checkpoint does not fit the case, `wall_time` is not
+            above 0, or with an output folder there is nothing left to compute after the checkpoint.
         OutputError: the output folder cannot be used.
         CapacityError: the case does not fit the memory, or the neighbour list cannot hold the particles of the start.
 

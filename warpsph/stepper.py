@@ -145,12 +145,15 @@ class Stepper:
 
     # rebuild -------------------------------------------------------------------------------------------------------
 
-    def rebuild(self, moving: bool = True) -> None:
+    def rebuild(self, moving: bool = True) -> bool:
         """Rebuild the neighbour list from the host, widening it until it holds every neighbour.
 
         Args:
             moving: False builds the list of the last build again, from the anchors, after a restart.
+
+        Returns whether the list had to be widened, which stops the loop of steps.
         """
+        widened = False
         while True:
             for task in self.list.tasks if moving else self.list.tasks_again:
                 task.timed()
@@ -158,11 +161,13 @@ class Stepper:
             if counters[ck.FAULT] != ck.FAULT_LIST:
                 break
             self._widen(int(counters[ck.LIST_PEAK]))
+            widened = True
         if self.launcher.is_cpu and self.spec.interface:
             band = self.list.band_count(counters)
             for task in self._band_tasks:
                 if task.resize is not None:
                     task.resize(band)
+        return widened
 
     def _widen(self, peak: int) -> None:
         self.list.resize(min(int(1.2 * peak) + 4, max(peak + 1, WIDEST)))
@@ -238,8 +243,8 @@ class Stepper:
         if counters[ck.CHECK]:
             for task in self.list.check_tasks:
                 task.timed()
-        if counters[ck.REBUILD]:
-            self.rebuild()
+        if counters[ck.REBUILD] and self.rebuild():
+            self.restart_clock.run()
 
     def _run_cuda(self) -> None:
         while True:

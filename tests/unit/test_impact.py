@@ -37,7 +37,7 @@ def options(device):
     return {"spacing": SPACING, "fluids": GAS_AND_LIQUID[1:], "device": device}
 
 
-def alone(into_wall, own_even, gap):
+def alone(into_wall, own_even):
     """The share of a particle with those sums along y, for walls in reach."""
     import warp as wp
 
@@ -48,21 +48,41 @@ def alone(into_wall, own_even, gap):
     def apply(table: wp.array2d(dtype=wp.float64), out: wp.array(dtype=wp.float64)):
         i = wp.tid()
         t = table[i]
-        out[i] = function(vec(wp.float64(0.0), t[0]), vec(wp.float64(0.0), t[1]), t[2], wp.float64(1.0))
+        out[i] = function(vec(wp.float64(0.0), t[0]), vec(wp.float64(0.0), t[1]), wp.float64(1.0))
 
-    table = wp.array(np.stack(np.broadcast_arrays(into_wall, own_even, gap), axis=1), dtype=wp.float64)
+    table = wp.array(np.stack(np.broadcast_arrays(into_wall, own_even), axis=1), dtype=wp.float64)
     out = wp.zeros(table.shape[0], dtype=wp.float64)
     wp.launch(apply, dim=table.shape[0], inputs=[table, out], device="cpu")
     return out.numpy()
 
 
 def test_who_is_alone_at_a_wall():
-    """Whole behind and in its row: not at all; half missing, or close to the surface: wholly; linear in between."""
+    """Whole behind: not at all; half missing: wholly; linear in between."""
     own = np.array([1.0, 0.75, 0.5, 0.0, -1.0])
-    np.testing.assert_allclose(alone(np.full(5, -1.0), own, np.full(5, 0.5)), [0.0, 0.5, 1.0, 1.0, 1.0])
-    gap = np.array([0.5, 0.25, 0.175, 0.1, 0.0])
-    np.testing.assert_allclose(alone(np.full(5, -1.0), np.ones(5), gap), [0.0, 0.0, 0.5, 1.0, 1.0], atol=1e-12)
-    assert alone(np.array([-1e-6]), np.zeros(1), np.zeros(1)) == [0.0], "a wall that is hardly in reach"
+    np.testing.assert_allclose(alone(np.full(5, -1.0), own), [0.0, 0.5, 1.0, 1.0, 1.0])
+    assert alone(np.array([-1e-6]), np.zeros(1)) == [0.0], "a wall that is hardly in reach"
+
+
+@pytest.mark.parametrize("gap, share", [(0.5, 0.0), (0.25, 0.0), (0.175, 0.5), (0.1, 1.0), (0.0, 1.0)])
+def test_a_row_that_has_lost_its_place_is_held(gap, share, device):
+    """Of what drives fluid into floor and side of a corner the walls take their share, each along its own axis."""
+    wall = lattice((12, 12), SPACING, centre=False) - 0.3
+    wall = wall[(wall < 0).any(axis=1)]
+    rows = lattice((6, 6), SPACING, centre=False) + (gap - 0.5) * SPACING
+    force = dict(body_force=(-3.0, -2.0), spacing=SPACING, fluids=GAS_AND_LIQUID[1:], device=device)
+    spec = dataclasses.replace(SPEC, body_force=True)
+    bench = Bench(spec, rows, walls=wall, **force)
+    bench.prepare()
+    a = bench.acceleration()
+    first = np.isclose(rows[:, 0], rows[:, 0].min()), np.isclose(rows[:, 1], rows[:, 1].min())
+    inner = (rows < 3 * SPACING).all(axis=1)  # where neither the fluid nor the wall ends
+    for axis, free in enumerate((-3.0, -2.0)):
+        held = a[inner & first[axis], axis] / free
+        if share == 0.0 and gap == 0.5:
+            np.testing.assert_allclose(held, 1.0, atol=1e-9)
+        # nearer than its row a particle has less of its phase behind it, too, than wall before it
+        assert (held < 1.0 - share + 1e-9).all() and (held > -1e-9).all()
+        np.testing.assert_allclose(a[(rows > 3 * SPACING).all(axis=1), axis], free, atol=1e-9)
 
 
 @pytest.mark.parametrize("spec", [SPEC, FREE], ids=["corrected", "conservative"])
@@ -195,7 +215,9 @@ def test_a_heavy_particle_among_light_ones_comes_to_balance_without_overshoot(de
     fluids = (Fluid(density=0.084, sound_speed=10.0), Fluid(density=1180.0, sound_speed=10.0))
     heavy = int(np.flatnonzero(phase)[0])
     pressure = np.where(phase == 1, 1.0, 0.0)
-    bench = Bench(spec, every, spacing=SPACING, lower=-0.5, upper=0.5, phase=phase, fluids=fluids, pressure=pressure, device=device)
+    bench = Bench(
+        spec, every, spacing=SPACING, lower=-0.5, upper=0.5, phase=phase, fluids=fluids, pressure=pressure, device=device
+    )  # fmt: skip
     step = 0.5 * bench.h / 10.0
     rate = bench.density_rate(step=step)[heavy]
     change = rate * step * fluids[1].density * fluids[1].sound_speed**2  # of the pressure, which is 1 Pa above the others
