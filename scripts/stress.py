@@ -8,9 +8,9 @@ The second form runs N random scenes of 20 000 steps, seeds S and following, and
 
 The first: four two-phase scenes in a unit box, radius or layer R = 0.25: a static drop (periodic, tension), a layered
 tank at rest (walls, gravity), a drop stirred by Taylor-Green vortices (periodic, tension), a rising bubble (walls,
-gravity, tension). Each runs at a base point, with one axis of AXES changed at a time, and at random points (`--random`, `--seed`). `--point`
-runs one point alone, e.g. `--only bubble --point density_ratio=10000 noise=0.3`. All numerics are `auto` but for what an
-axis sets.
+gravity, tension). Each runs at a base point, with one axis of AXES changed at a time, and at random points (`--random`,
+`--seed`). `--point` runs one point alone, e.g. `--only bubble --point density_ratio=10000 noise=0.3`. All numerics are
+`auto` but for what an axis sets.
 
 Measured and judged, with the limits below; the state is read back 20 times a run:
 
