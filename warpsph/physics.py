@@ -314,7 +314,8 @@ def flow_scales(
     """Return the scales of the flow and the pressure [Pa] that each phase sees.
 
     velocity: largest of start, walls, channel flow driven by the body force, free fall over the fluid's height (free
-    surface) and capillary motion; pressure: hydrostatic head and Laplace jump.
+    surface) and capillary motion; pressure: hydrostatic head, Laplace jump, and what a body force builds up before walls
+    and bodies.
     """
     phases = [case.phases[name] for name in case.phase_names]
     fluid = geometry.kind == 0
@@ -353,7 +354,7 @@ def flow_scales(
                     here = (case.dimension - 1) * tension[a, b] / r
                     capillary = max(capillary, math.sqrt(2 * here / (density[a] + density[b])))
                     jump = max(jump, here, CORNER * tension[a, b] / (smoothing_ratio(case) * case.spacing))
-    seen += jump
+    seen += jump + float(density.max()) * _dammed_head(case, geometry, extent)
     speed = float(np.sqrt((geometry.velocity[fluid] ** 2).sum(axis=1)).max(initial=0.0))
     wall_speed = float(np.sqrt((geometry.boundary_velocity**2).sum(axis=1)).max(initial=0.0))
     for sides in case.sides:  # of mirrors, which are no particles
@@ -378,6 +379,15 @@ def flow_scales(
     if case.scales.pressure != "auto":
         seen = np.full(len(phases), scales["pressure"])
     return scales, seen
+
+
+def _dammed_head(case: Case, geometry: Geometry, extent: np.ndarray) -> float:
+    """Return f L [m^2/s^2], the pressure over density that a body force f makes where something stands in its way.
+
+    Along a periodic axis it drives a flow and no pressure, unless a body holds that up: the drop over a period is rho f L.
+    """
+    held = [not wraps or bool(case.obstacles) for wraps in case.periodic]
+    return float(np.where(held, np.abs(np.asarray(case.body_force, dtype=float)), 0.0) @ extent)
 
 
 def heavy(case: Case) -> bool:

@@ -152,3 +152,23 @@ def test_walls_of_a_layered_tank_carry_its_weight():
     weight = 9.81 * 500.5
     assert force["wall_force_y domain"] == pytest.approx(-weight, rel=0.03)  # kernel sums on a lattice, h = 1.5 dx
     assert abs(force["wall_force_x domain"]) < 1e-9 * weight
+
+
+def test_sound_speed_bears_what_a_body_force_builds_up():
+    """Where a body or walls stand in its way the pressure differs by rho f L; along an open channel it does not."""
+    scene = {
+        "dimension": 2,
+        "particle_spacing": 0.05,
+        "end_time": 1.0,
+        "domain": {"lower": [0, 0], "upper": [1, 1], "boundary": {"x": "periodic", "y": "periodic"}},
+        "phases": {"water": {"density": 1000, "viscosity": 1000}},
+        "body_force": [2.0, 0.0],
+        "fluids": [{"phase": "water", "shape": "rest"}],
+        "scales": {"velocity": 1e-6},
+    }
+    cylinder = [{"shape": {"sphere": {"center": [0.5, 0.5], "radius": 0.2}}}]
+    walls = {**scene["domain"], "boundary": {"x": "wall", "y": "periodic"}}
+    needed = math.sqrt(2.0 * 1.0 / 0.01)
+    assert physics_of(Case.from_dict({**scene, "obstacles": cylinder})).sound_speed[0] == pytest.approx(needed, rel=1e-6)
+    assert physics_of(Case.from_dict({**scene, "domain": walls})).sound_speed[0] == pytest.approx(needed, rel=1e-6)
+    assert physics_of(Case.from_dict(scene)).sound_speed[0] < 0.1 * needed
