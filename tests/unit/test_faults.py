@@ -70,9 +70,18 @@ def assert_readable(run: Path, dimension: int = 2) -> None:
         read_gauge(path)
 
 
+def hear_hang_ups() -> None:
+    """The tests may themselves run under nohup, whose deaf ear a child would inherit."""
+    if sys.platform != "win32":
+        signal.signal(signal.SIGHUP, signal.SIG_DFL)
+
+
 def start(*arguments: object) -> subprocess.Popen:
     command = [sys.executable, "-m", "warpsph", *map(str, arguments)]
-    return subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    hear = None if sys.platform == "win32" else hear_hang_ups
+    return subprocess.Popen(
+        command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, preexec_fn=hear
+    )  # fmt: skip
 
 
 def wait_for(condition, process: subprocess.Popen) -> None:
@@ -208,7 +217,7 @@ def start_on_a_terminal(*arguments: object) -> tuple[subprocess.Popen, int]:
     command = [sys.executable, "-m", "warpsph", *map(str, arguments)]
     process = subprocess.Popen(
         command, cwd=ROOT, stdin=its, stdout=its, stderr=its, start_new_session=True,
-        preexec_fn=lambda: fcntl.ioctl(0, termios.TIOCSCTTY, 0),
+        preexec_fn=lambda: (hear_hang_ups(), fcntl.ioctl(0, termios.TIOCSCTTY, 0)),
     )  # fmt: skip
     os.close(its)
     return process, ours
