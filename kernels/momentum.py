@@ -319,7 +319,8 @@ def make_momentum(spec: Spec) -> Any:
                 gradient = inverse * gradient
                 if wp.static(spec.shifting):
                     shear = shear * inverse
-                    inner_shear = inner_shear * inverse
+                    if wp.static(spec.wall_no_slip):
+                        inner_shear = inner_shear * inverse
                     if wp.static(spec.viscosity == "morris" or spec.viscosity == "radial"):
                         # Both forms are exact for a quadratic field on an even arrangement: take out what an uneven one
                         # makes of a linear field, and divide by the second moment (methods 0.2, column L).
@@ -388,7 +389,10 @@ def make_momentum(spec: Spec) -> Any:
             # What the particle carries is that of its new place: dv = grad v dx, ds = dx.grad p / (rho0 c^2). The mirrored
             # velocities take no part: the shift keeps a particle off a wall that the flow holds it against, step by step,
             # and would pump up its velocity each time, up to 14-fold with what is mirrored far behind the wall.
-            carried[i] = inner_shear * dx
+            if wp.static(spec.wall_no_slip):
+                carried[i] = inner_shear * dx
+            else:
+                carried[i] = shear * dx
             s = density_excess[i] + wp.dot(dx, gradient) * own.compressibility
             if wp.static(spec.room):
                 # E: how far the place that the particles take falls short of what their densities say

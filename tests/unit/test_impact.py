@@ -244,9 +244,9 @@ def test_pressure_of_a_pressed_gas_does_not_overshoot(device):
     stiffness = gas.density * gas.sound_speed**2 / gas.gamma
     pressure = np.full(len(every), stiffness * (3**gas.gamma - 1))
     pressure[heart] += 1.0
-    spec = Spec(dimension=2, precision="float64", corrected=True)
+    spec = Spec(dimension=2, precision="float64", multiphase=True, corrected=True)
     bench = Bench(
-        spec, every, spacing=SPACING, volume=volume, excess=excess, pressure=pressure, fluids=(gas,), width=120,
+        spec, every, spacing=SPACING, phase=0, volume=volume, excess=excess, pressure=pressure, fluids=(gas,), width=120,
         device=device,
     )  # fmt: skip
     step = 0.5 * bench.h / gas.sound_speed
