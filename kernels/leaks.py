@@ -30,6 +30,7 @@ def make_leaks(spec: Spec) -> tuple[Any, Any]:
     real, vec, _, _ = types_of(spec)
     Sides = make_sides(spec.dimension, spec.precision)
     dimension = spec.dimension
+    px, py, pz = (bool(wraps) for wraps in ([*spec.periodic, False, False])[:3])
 
     @wp.kernel(module="unique", enable_backward=False)
     def count_leaks(
@@ -52,16 +53,17 @@ def make_leaks(spec: Spec) -> tuple[Any, Any]:
         from_centre = real(0.0)
         for axis in range(wp.static(dimension)):
             below, above = sides.lower[axis] - x[axis], x[axis] - sides.upper[axis]
+            wraps = (axis == 0 and px) or (axis == 1 and py) or (axis == 2 and pz)
             if below > real(0.0):
                 if sides.kind[2 * axis] != NO_WALL and below < wall_thickness:
                     outside = True
                 else:
-                    gone = True
+                    gone = gone or not wraps
             if above > real(0.0):
                 if sides.kind[2 * axis + 1] != NO_WALL and above < wall_thickness:
                     outside = True
                 else:
-                    gone = True
+                    gone = gone or not wraps
             share = (x[axis] - sides.lower[axis]) / (sides.upper[axis] - sides.lower[axis])
             cells = share * real(solid_shape[axis])
             index = wp.clamp(int(wp.floor(cells)), 0, solid_shape[axis] - 1)

@@ -397,7 +397,7 @@ def run(scene_name: str, point: Point, steps: int, device: str, threads: int | N
             _, counters = stepper.read()
             seconds += time.perf_counter() - since
             if counters[ck.FAULT]:
-                fault = describe_fault(model, int(counters[ck.FAULT_PARTICLE]))
+                fault = random_scenes.describe_fault(model, int(counters[ck.FAULT_PARTICLE]))
                 break
             samples.append(sample(model, *gauges))
             if not samples[-1]["finite"]:
@@ -445,19 +445,6 @@ def quiet() -> None:
 
     np.seterr(all="ignore")
     quiet_warp()
-
-
-def describe_fault(model: Any, row: int) -> str:
-    """What is wrong with the particle that stopped a run."""
-    if not 0 <= row < model.particles.fluid_count:
-        return f"fault at step {model.steps}"
-    position = ", ".join(f"{x:.3f}" for x in model.particles.get("position")[row])
-    speed = float(np.linalg.norm(model.particles.get("velocity")[row].astype(np.float64)))
-    excess = float(model.particles.get("density_excess")[row])
-    return (
-        f"step {model.steps}: a particle at ({position}) has speed {speed:.3g} (limit {model.physics.runaway:.3g}), "
-        f"rho/rho0 - 1 = {excess:.3g}"
-    )
 
 
 # ---- output ----------------------------------------------------------------------------------------------
