@@ -27,10 +27,10 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from warpsph.case import Case
-from warpsph.kernels import clock as ck
-from warpsph.kernels.spec import SWEEP_OPTIONS
-from warpsph.model import Model, quiet_warp
+from warpsph.case.case import Case
+from warpsph.engine.model import Model, quiet_warp
+from warpsph.kernels.core import clock as ck
+from warpsph.kernels.core.spec import SWEEP_OPTIONS
 
 TARGET = 1.03  # package over hand
 CHECKED_STEPS = 20

@@ -49,7 +49,7 @@ class System:
         position: (n, d) of the unknowns.
         diagonal: (n,).
         pointers, columns, values: entries beside the diagonal, (n + 1,), (entries,), (entries,).
-        moment: (n, d, d), see `warpsph.multigrid`.
+        moment: (n, d, d), see `warpsph.solvers.multigrid`.
         lower, upper, periodic: box of the grid.
         singular: the constant is a null vector.
         rhs: (n,).
@@ -186,8 +186,8 @@ def full_divergence(dimension: int, kernel: str) -> float:
 
 def build(system: System, launcher: Any, precision: str) -> tuple[Any, Any]:
     """Return (matrix, multigrid) of a system on the device of a launcher."""
-    from warpsph.linear_solver import EllMatrix
-    from warpsph.multigrid import Multigrid
+    from warpsph.solvers.linear_solver import EllMatrix
+    from warpsph.solvers.multigrid import Multigrid
 
     n, dimension = system.position.shape
     matrix = EllMatrix(n, int(np.diff(system.pointers).max(initial=1)), launcher, precision)
@@ -218,8 +218,8 @@ def own_solver(
     """Measure a solver of warpsph; `name` is method-preconditioner."""
     import warp as wp
 
-    from warpsph.launch import Launcher
-    from warpsph.linear_solver import LinearSolver
+    from warpsph.engine.launch import Launcher
+    from warpsph.solvers.linear_solver import LinearSolver
 
     launcher = Launcher(wp.get_device(device), threads)
     matrix, multigrid = build(system, launcher, precision)
@@ -374,7 +374,7 @@ def main() -> None:
 
     import warp as wp
 
-    from warpsph.model import quiet_warp
+    from warpsph.engine.model import quiet_warp
 
     quiet_warp()
     device = wp.get_device(arguments.device)

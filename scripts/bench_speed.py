@@ -150,9 +150,9 @@ def measure(name: str, device: str, threads: int, precision: str, seconds: float
     """Run one scene: warm up, then at least five portions of equal step count; medians."""
     import warp as wp
 
-    from warpsph.case import Case
-    from warpsph.kernels import clock as ck
-    from warpsph.model import Model
+    from warpsph.case.case import Case
+    from warpsph.engine.model import Model
+    from warpsph.kernels.core import clock as ck
 
     data = SCENES[name][0]()
     data["precision"] = precision
@@ -235,7 +235,7 @@ def main() -> None:
 
     import warp as wp
 
-    from warpsph.model import quiet_warp
+    from warpsph.engine.model import quiet_warp
 
     quiet_warp()
     device = wp.get_device(arguments.device)

@@ -8,12 +8,13 @@ For example two resolutions of the double bubble, kept by `python -m warpsph val
     python scripts/compare_runs.py validation/seed-cpu/runs/double_bubble-200_x_300_Bo_80 \\
         validation/seed-cpu/runs/double_bubble-320_x_480_Bo_80 --limit 0.05
 
-Each is a run folder with particle files, 2-D, of the same domain and phases; the times are those that both have. The
-phase is where its share of the smoothing sum is 1/2 or more (`warpsph.contour`), of each run at its own resolution; both
-are looked at on the finer one's grid of two points a particle spacing. `share` is the differing area over the area of the
-phase, mean of both runs, or with `--relative-to domain` over that of the domain. `pieces` counts the connected patches of
-the phase in each run: after a rupture the runs need not agree any more, and with `--limit` alone the times before either
-run's first change of that number are judged, with `--until` those up to the time given.
+Each is a run folder with particle files, 2-D, of the same domain and phases; the times are those that both have.
+The phase is where its share of the smoothing sum is 1/2 or more (`measure/contour.py`), of each run at its own
+resolution; both are looked at on the finer one's grid of two points a particle spacing. `share` is the differing
+area over the area of the phase, mean of both runs, or with `--relative-to domain` over that of the domain. `pieces`
+counts the connected patches of the phase in each run: after a rupture the runs need not agree any more, and with
+`--limit` alone the times before either run's first change of that number are judged, with
+`--until` those up to the time given.
 
 Exit code 1 if a judged share is above the limit, 2 if the runs cannot be compared.
 """
@@ -29,11 +30,11 @@ from typing import Any
 
 import numpy as np
 
-from warpsph import plot
-from warpsph.case import Case
-from warpsph.contour import LEVEL, Share, shares_of_phases
+from warpsph.case.case import Case
 from warpsph.errors import WarpsphError
-from warpsph.figures import case_of_run
+from warpsph.measure.contour import LEVEL, Share, shares_of_phases
+from warpsph.study import plot
+from warpsph.study.figures import case_of_run
 
 SHIPPED = Path(__file__).resolve().parents[1] / "cases" / "reference"
 SAME_TIME = 1e-6  # of a time

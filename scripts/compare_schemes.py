@@ -28,7 +28,7 @@ from typing import Any
 
 import numpy as np
 
-from warpsph.case import Case
+from warpsph.case.case import Case
 from warpsph.simulation import Simulation
 
 CASES = Path(__file__).parents[1] / "cases"

@@ -15,7 +15,7 @@ import sys
 import time
 from pathlib import Path
 
-from warpsph.case_file import load_case
+from warpsph.case.case_file import load_case
 from warpsph.errors import WarpsphError
 from warpsph.simulation import Simulation
 

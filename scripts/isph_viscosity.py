@@ -5,7 +5,8 @@
     python scripts/isph_viscosity.py --json benchmarks/isph_viscosity_cpu.json
 
 Errors are those of the `reference` section of the case file; values, which have no reference, those at the end of the run.
-`--changes` tries other accuracy limits of the step (`warpsph.incompressible.CHANGE`). A run that diverged shows when it did.
+`--changes` tries other accuracy limits of the step (`warpsph.schemes.incompressible.CHANGE`). A run that diverged shows
+when it did.
 """
 
 from __future__ import annotations
@@ -18,9 +19,9 @@ import time
 from pathlib import Path
 from typing import Any
 
-from warpsph import incompressible
-from warpsph.case_file import load_case
+from warpsph.case.case_file import load_case
 from warpsph.errors import WarpsphError
+from warpsph.schemes import incompressible
 from warpsph.simulation import Simulation
 
 CASES = Path(__file__).resolve().parent.parent / "cases"

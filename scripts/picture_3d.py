@@ -16,9 +16,9 @@ from pathlib import Path
 import numpy as np
 
 from warpsph.errors import WarpsphError
-from warpsph.figures import case_of_run
-from warpsph.output import read_vtp
-from warpsph.plot import choose_frames
+from warpsph.files.output import read_vtp
+from warpsph.study.figures import case_of_run
+from warpsph.study.plot import choose_frames
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -78,10 +78,10 @@ class Draw:
 
 def scene(seed: int) -> dict[str, Any]:
     """Return the case of a seed as plain data, as a case file holds it: the first drawn whose regions all hold particles."""
-    from warpsph.case import Case
+    from warpsph.case.case import Case
     from warpsph.errors import CaseError
-    from warpsph.geometry import build
-    from warpsph.physics import support_radius
+    from warpsph.scene.geometry import build
+    from warpsph.schemes.physics import support_radius
 
     for attempt in range(100):
         data = _scene(Draw(seed, attempt), f"random scene {seed}")
@@ -397,7 +397,7 @@ class Allowed:
         potential = float((mass * snapshot.position[:, self.axis]).sum()) * self.gravity
         elastic = 0.0
         if model.physics.spec.scheme == "riemann":
-            from warpsph.gauges import PhaseEos
+            from warpsph.measure.gauges import PhaseEos
 
             rows = zip(model.case.phase_names, model.physics.sound_speed, strict=True)
             for k, (name, c) in enumerate(rows):
@@ -414,9 +414,9 @@ def run(seed: int, steps: int, device: str, threads: int | None, changes: dict[s
     Args:
         changes: of the case, by dotted key, to look into a seed.
     """
-    from warpsph.case import Case
+    from warpsph.case.case import Case
+    from warpsph.engine.model import Model
     from warpsph.errors import WarpsphError
-    from warpsph.model import Model
 
     data = scene(seed)
     begin = time.perf_counter()
@@ -438,7 +438,7 @@ def run(seed: int, steps: int, device: str, threads: int | None, changes: dict[s
 
 def _march(model: Any, row: dict[str, Any], steps: int) -> None:
     """Run the steps in SAMPLES parts, sampling after each, and judge."""
-    from warpsph.kernels import clock as ck
+    from warpsph.kernels.core import clock as ck
 
     begin = time.perf_counter()
     allowed = Allowed(model, model.snapshot().fluid)

@@ -293,7 +293,7 @@ def parse_point(settings: Iterable[str], base: Point) -> Point:
 
 def sample(model: Any, energy_of: Any, contour_of: Any) -> dict[str, Any]:
     """Numbers of one moment: largest speed of each phase, energy, momentum, strays, whether all is finite."""
-    from warpsph.gauges import isolated
+    from warpsph.measure.gauges import isolated
 
     everything = model.snapshot()
     snapshot = everything.fluid
@@ -366,11 +366,11 @@ def judge(scene: Scene, point: Point, samples: list[dict[str, Any]], fault: str)
 
 def run(scene_name: str, point: Point, steps: int, device: str, threads: int | None) -> dict[str, Any]:
     """Run a point of a scene and return its row."""
-    from warpsph.case import Case
+    from warpsph.case.case import Case
+    from warpsph.engine.model import Model
     from warpsph.errors import WarpsphError
-    from warpsph.gauges import ContourGauge, EnergyGauge, PhaseEos
-    from warpsph.kernels import clock as ck
-    from warpsph.model import Model
+    from warpsph.kernels.core import clock as ck
+    from warpsph.measure.gauges import ContourGauge, EnergyGauge, PhaseEos
 
     scene = SCENES[scene_name]
     data = scene.case(point)
@@ -441,7 +441,7 @@ def run_all(
 
 def quiet() -> None:
     """Settings of a process."""
-    from warpsph.model import quiet_warp
+    from warpsph.engine.model import quiet_warp
 
     np.seterr(all="ignore")
     quiet_warp()
@@ -537,9 +537,9 @@ def main(arguments: list[str] | None = None) -> int:
         return run_scenes(chosen)
     steps = chosen.steps or STEPS
 
-    from warpsph.case import Case
-    from warpsph.model import quiet_warp
-    from warpsph.physics import smoothing_ratio
+    from warpsph.case.case import Case
+    from warpsph.engine.model import quiet_warp
+    from warpsph.schemes.physics import smoothing_ratio
 
     quiet_warp()
     base = base_point(chosen.quick)

@@ -6,18 +6,18 @@ import math
 import numpy as np
 import warp as wp
 
-from warpsph.kernels import clock as ck
-from warpsph.kernels.density import make_continuity
-from warpsph.kernels.momentum import make_momentum
-from warpsph.kernels.params import make_params, make_phase
-from warpsph.kernels.smoothing import KERNELS, window_integral
-from warpsph.kernels.spec import Spec, types_of
-from warpsph.launch import Bindings, Launcher
-from warpsph.model import quiet_warp
-from warpsph.neighbours import NeighbourList, default_width
-from warpsph.particles import Particles
+from warpsph.engine.launch import Bindings, Launcher
+from warpsph.engine.model import quiet_warp
+from warpsph.engine.neighbours import NeighbourList, default_width
+from warpsph.engine.particles import Particles
+from warpsph.engine.stepper import Stepper
+from warpsph.kernels.core import clock as ck
+from warpsph.kernels.core.params import make_params, make_phase
+from warpsph.kernels.core.smoothing import KERNELS, window_integral
+from warpsph.kernels.core.spec import Spec, types_of
+from warpsph.kernels.riemann.density import make_continuity
+from warpsph.kernels.riemann.momentum import make_momentum
 from warpsph.schemes import riemann
-from warpsph.stepper import Stepper
 
 quiet_warp()
 
@@ -293,7 +293,7 @@ class Bench(Setup):
         return int(self.counters_array.numpy()[index])
 
     def set_clock(self, **entries):
-        """Set entries of the clock by the names of `kernels/clock.py`."""
+        """Set entries of the clock by the names of `kernels/core/clock.py`."""
         host = self.clock_array.numpy().copy()
         for name, value in entries.items():
             host[getattr(ck, name)] = value

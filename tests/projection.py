@@ -7,13 +7,13 @@ import numpy as np
 import warp as wp
 
 from tests.helpers import Bench, full
-from warpsph.incompressible import row_shares
-from warpsph.kernels import surface as sf
-from warpsph.kernels.mirror import NO_WALL, code_shift, make_sides
-from warpsph.kernels.smoothing import KERNELS
-from warpsph.kernels.spec import Spec, types_of
-from warpsph.linear_solver import EllMatrix, LinearSolver
+from warpsph.kernels.core.mirror import NO_WALL, code_shift, make_sides
+from warpsph.kernels.core.smoothing import KERNELS
+from warpsph.kernels.core.spec import Spec, types_of
+from warpsph.kernels.isph import surface as sf
 from warpsph.schemes import isph
+from warpsph.schemes.incompressible import row_shares
+from warpsph.solvers.linear_solver import EllMatrix, LinearSolver
 
 INSIDE, SURFACE, ISOLATED = sf.INSIDE, sf.SURFACE, sf.ISOLATED
 

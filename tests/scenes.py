@@ -3,7 +3,7 @@
 import copy
 from typing import Any
 
-from warpsph.case import Case
+from warpsph.case.case import Case
 
 # Taylor-Green vortices at about Mach 0.1: corrected gradient, viscosity, shift, volume constraint.
 PERIODIC: dict[str, Any] = {

@@ -22,8 +22,8 @@ if not os.path.isdir(os.path.join(_package, "kernels")):
     __path__.append(os.path.dirname(_package))
 
 if TYPE_CHECKING:
-    from warpsph.case import Case
-    from warpsph.case_file import load_case
+    from warpsph.case.case import Case
+    from warpsph.case.case_file import load_case
     from warpsph.errors import (
         CapacityError,
         CaseError,
@@ -33,15 +33,15 @@ if TYPE_CHECKING:
         WallTimeReached,
         WarpsphError,
     )
-    from warpsph.movie import make_movie
-    from warpsph.plot import plot_run
     from warpsph.simulation import Simulation, run
     from warpsph.snapshot import Snapshot
+    from warpsph.study.movie import make_movie
+    from warpsph.study.plot import plot_run
 
 # public name -> the module that defines it
 _PUBLIC = {
     "CapacityError": "warpsph.errors",
-    "Case": "warpsph.case",
+    "Case": "warpsph.case.case",
     "CaseError": "warpsph.errors",
     "DivergenceError": "warpsph.errors",
     "Interrupted": "warpsph.errors",
@@ -50,9 +50,9 @@ _PUBLIC = {
     "Snapshot": "warpsph.snapshot",
     "WallTimeReached": "warpsph.errors",
     "WarpsphError": "warpsph.errors",
-    "load_case": "warpsph.case_file",
-    "make_movie": "warpsph.movie",
-    "plot_run": "warpsph.plot",
+    "load_case": "warpsph.case.case_file",
+    "make_movie": "warpsph.study.movie",
+    "plot_run": "warpsph.study.plot",
     "run": "warpsph.simulation",
 }
 

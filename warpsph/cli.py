@@ -26,7 +26,7 @@ import typer
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from warpsph.case import Case
+    from warpsph.case.case import Case
     from warpsph.errors import Problem
 
 app = typer.Typer(
@@ -156,7 +156,7 @@ def check(
 ) -> None:
     """Validate a case; print particle counts, memory, time step and estimated time."""
     with _reported(debug):
-        from warpsph.validation import runs_of
+        from warpsph.study.validation import runs_of
 
         loaded = _load(case, overrides, precision, end_time)
         runs_of(loaded, case.stem)  # raises if a validation run is wrong
@@ -201,7 +201,7 @@ def new(
 def schema(debug: Debug = False) -> None:
     """Print the JSON schema of case files, for completion in editors."""
     with _reported(debug):
-        from warpsph.case import case_schema
+        from warpsph.case.case import case_schema
 
         print(json.dumps(case_schema(), indent=2))
 
@@ -265,13 +265,13 @@ def plot(
 
             raise CaseError(problems)
         if over is not None:
-            from warpsph.plot import read_segments
+            from warpsph.study.plot import read_segments
 
             offset = (0.0, 0.0) if over_offset is None else _parse_numbers(over_offset, "--over-offset", "0.5,0")
             scale = 1.0 if over_scale is None else over_scale
             choices["over"] = read_segments(over, scale, offset, over_mirror)
         if movie is not None:
-            from warpsph.movie import make_movie
+            from warpsph.study.movie import make_movie
 
             if fps is not None:
                 choices["fps"] = fps
@@ -279,7 +279,7 @@ def plot(
                 path = make_movie(folder, movie, progress=show_progress, **choices)
             print(path)
             return
-        from warpsph.plot import plot_run
+        from warpsph.study.plot import plot_run
 
         for path in plot_run(folder, output=output, **choices):
             print(path)
@@ -317,8 +317,8 @@ def validate(
     """Run cases, compare them with their references, and print one table."""
     folder: Path | None = None
     with _reported(debug, lambda: folder):
-        from warpsph import validation
         from warpsph.errors import CaseError
+        from warpsph.study import validation
 
         if figures_from is not None:
             written, notes = validation.draw_figures(figures_from, _reference_folders(cases))
@@ -474,7 +474,7 @@ def _load(
     path: Path, overrides: list[str] | None, precision: Precision | None = None, end_time: float | None = None
 ) -> "Case":
     """Load a case with the changes of the command line; the named options win over --set."""
-    from warpsph.case_file import load_case
+    from warpsph.case.case_file import load_case
 
     changes = list(overrides or [])
     if precision is not None:
@@ -699,7 +699,7 @@ def _mebibytes(number: int) -> str:
 
 def _print_plan(case: "Case") -> None:
     _quieten_warp(False)
-    from warpsph.case_file import dump_yaml
+    from warpsph.case.case_file import dump_yaml
     from warpsph.simulation import describe
 
     plan = describe(case)
@@ -827,7 +827,7 @@ def _frame_progress() -> Iterator[Callable[[int, int], None]]:
 
 def _reference_folders(cases: list[Path] | None) -> list[Path]:
     """Where the reference files of cases are: in `reference` beside the case files."""
-    from warpsph.validation import SHIPPED
+    from warpsph.study.validation import SHIPPED
 
     homes = [place if place.is_dir() else place.parent for place in cases or []]
     return [home / "reference" for home in (*homes, SHIPPED)]
@@ -852,7 +852,7 @@ def _print_validation(table: Any, folder: Path) -> None:
     """The table, what went wrong, and one line about it all."""
     from rich.text import Text
 
-    from warpsph.validation import ALIGN, BAD, COLUMNS, cells, problem_lines, with_first
+    from warpsph.study.validation import ALIGN, BAD, COLUMNS, cells, problem_lines, with_first
 
     rows: list[list[Any]] = []
     for row, first in with_first(table.rows):

@@ -32,8 +32,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from warpsph import checkpoint, memory
-from warpsph.comparison import compare, format_comparison
+from warpsph.engine import memory
 from warpsph.errors import (
     CaseError,
     DivergenceError,
@@ -44,16 +43,18 @@ from warpsph.errors import (
     WarpsphError,
     short,
 )
-from warpsph.gauges import GaugeSet, PhaseEos
-from warpsph.geometry import build
-from warpsph.output import RunFolder, Schedule, Writer
-from warpsph.physics import Physics, derive, support_radius
-from warpsph.probes import sample
+from warpsph.files import checkpoint
+from warpsph.files.output import RunFolder, Schedule, Writer
+from warpsph.measure.gauges import GaugeSet, PhaseEos
+from warpsph.measure.probes import sample
+from warpsph.scene.geometry import build
+from warpsph.schemes.physics import Physics, derive, support_radius
 from warpsph.snapshot import Snapshot
+from warpsph.study.comparison import compare, format_comparison
 
 if TYPE_CHECKING:
-    from warpsph.case import Case
-    from warpsph.model import Model
+    from warpsph.case.case import Case
+    from warpsph.engine.model import Model
 
     CaseLike = Case | Path | str | Mapping[str, Any]
 
@@ -120,8 +121,8 @@ class Simulation:
         wall_time: float | None = None,
         preparing: Callable[[int], None] | None = None,
     ) -> None:
-        from warpsph.case_file import as_case
-        from warpsph.model import Model, quiet_warp
+        from warpsph.case.case_file import as_case
+        from warpsph.engine.model import Model, quiet_warp
 
         begin = time.perf_counter()
         self._wall_time = _checked_wall_time(wall_time)
@@ -197,7 +198,7 @@ class Simulation:
 
     def _write_case(self) -> None:
         """Write case.yaml, in the folder of a restart over that of the run so far, and the files that it names."""
-        from warpsph.case_file import dump_case
+        from warpsph.case.case_file import dump_case
 
         if self.folder is not None:
             names = self.folder.keep_references(self.case.reference_files)
@@ -321,7 +322,7 @@ class Simulation:
 
     def _step_to(self, target: float, meter: _Meter, writer: Writer | None) -> None:
         """Step until the target time, or until a signal asks to stop or the wall time is over."""
-        from warpsph.kernels import clock as ck
+        from warpsph.kernels.core import clock as ck
 
         stepper = self.model.stepper
         while True:
@@ -358,7 +359,7 @@ class Simulation:
 
     def _fail(self, row: int, writer: Writer | None) -> None:
         """Report the particle that ran away and keep the state for a look."""
-        from warpsph.kernels.params import LEAST_DENSITY
+        from warpsph.kernels.core.params import LEAST_DENSITY
 
         model = self.model
         identity = int(model.particles.get("particle_id")[row])
@@ -475,7 +476,7 @@ class Simulation:
 
     def _attributes(self) -> dict[str, Any]:
         from warpsph import __version__
-        from warpsph.case_file import dump_case
+        from warpsph.case.case_file import dump_case
 
         return {
             "version": __version__,
@@ -543,7 +544,7 @@ class Simulation:
             label = task.name if task in model.stepper.step_tasks else f"list: {task.name}"
             stages[label] = stages.get(label, 0.0) + task.seconds
         from warpsph import __version__
-        from warpsph.kernels import clock as ck
+        from warpsph.kernels.core import clock as ck
 
         _, counters = model.stepper.read()
         return {
@@ -675,7 +676,7 @@ class _Meter:
         rate = done * model.particles.count / max(took, 1e-9) / 1e6
         simulated = model.time - self.first_time
         left = (end - model.time) / simulated * (now - self.begin) if simulated > 0 else None
-        from warpsph.kernels import clock as ck
+        from warpsph.kernels.core import clock as ck
 
         dt = float(model.stepper.read()[0][ck.LAST_STEP])
         if tell:
@@ -716,8 +717,8 @@ def describe(case: CaseLike) -> dict[str, Any]:
         CapacityError: the particles do not fit the memory of this machine.
     """
     from warpsph import schemes
-    from warpsph.case_file import as_case
-    from warpsph.kernels.fields import fields_of
+    from warpsph.case.case_file import as_case
+    from warpsph.kernels.core.fields import fields_of
 
     case = as_case(case)
     refused = memory.shortage(case)
@@ -757,7 +758,7 @@ def estimate(case: CaseLike) -> dict[str, Any]:
     Where the particles do not even fit the memory that building them takes, there are the first four alone, from
     arithmetic, and `refused`, the CapacityError to raise.
     """
-    from warpsph.case_file import as_case
+    from warpsph.case.case_file import as_case
 
     case = as_case(case)
     found = memory.count(case, support_radius(case))
@@ -785,7 +786,7 @@ def estimate(case: CaseLike) -> dict[str, Any]:
         )
     dt = physics.estimated_step()
     if spec.scheme == "isph":
-        from warpsph import incompressible
+        from warpsph.schemes import incompressible
 
         dt = incompressible.expected_step(case, physics)
     steps = math.ceil(case.end_time / dt)
@@ -894,7 +895,7 @@ def _check_fit(model: Model, state: Mapping[str, np.ndarray], attributes: Mappin
 
 
 def _machine() -> dict[str, Any]:
-    from warpsph.model import default_threads
+    from warpsph.engine.model import default_threads
 
     return {
         "system": platform.platform(),

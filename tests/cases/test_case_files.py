@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from warpsph import validation
-from warpsph.case import Case
+from warpsph.case.case import Case
 from warpsph.simulation import Simulation
+from warpsph.study import validation
 
 FOLDER = Path(__file__).parents[2] / "cases"
 NAMES = sorted(path.stem for path in FOLDER.glob("*.yaml"))

@@ -10,7 +10,7 @@ import pytest
 import warp as wp
 
 from tests.scenes import case_of
-from warpsph.kernels import clock as ck
+from warpsph.kernels.core import clock as ck
 from warpsph.simulation import describe
 
 SCRIPT = Path(__file__).resolve().parents[2] / "scripts" / "bench_skip.py"

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from warpsph.case_file import load_case, read_yaml
+from warpsph.case.case_file import load_case, read_yaml
 from warpsph.errors import CaseError
 
 VALID = """\
@@ -394,7 +394,7 @@ WRONG += [[None], {"a": 1}, {1: 2}, "1/0", "x", [1, 2, 3, 4], "rest", "z", 1.5, 
 
 def from_plain(folder: Path, data: Any) -> CaseError | None:
     """Refusal of plain data; through YAML for part of them would only repeat what the text tests do."""
-    from warpsph.case import Case
+    from warpsph.case.case import Case
 
     try:
         Case.from_dict(data, folder)

@@ -13,9 +13,9 @@ from hypothesis import strategies as st
 from jsonschema import Draft202012Validator
 from pydantic import BaseModel, TypeAdapter
 
-from warpsph import case as case_module
-from warpsph.case import Case, case_schema
-from warpsph.case_file import dump_case, dump_yaml, load_case, read_yaml, save_case
+from warpsph.case import case as case_module
+from warpsph.case.case import Case, case_schema
+from warpsph.case.case_file import dump_case, dump_yaml, load_case, read_yaml, save_case
 from warpsph.errors import (
     CapacityError,
     CaseError,

@@ -12,9 +12,9 @@ import h5py
 import numpy as np
 import pytest
 
-from warpsph import checkpoint
-from warpsph.checkpoint import CheckpointError, delete_after, latest, load, prune, save
 from warpsph.errors import OutputError
+from warpsph.files import checkpoint
+from warpsph.files.checkpoint import CheckpointError, delete_after, latest, load, prune, save
 
 ATTRIBUTES = {
     "time": 0.1 + 0.2,
@@ -187,7 +187,7 @@ import resource, signal, sys
 sys.path.insert(0, {str(Path(__file__).parents[2])!r})
 from pathlib import Path
 import numpy as np
-from warpsph.checkpoint import save
+from warpsph.files.checkpoint import save
 from warpsph.errors import OutputError
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 resource.setrlimit(resource.RLIMIT_FSIZE, (65536, 65536))
@@ -211,7 +211,7 @@ import sys
 sys.path.insert(0, {str(Path(__file__).parents[2])!r})
 from pathlib import Path
 import numpy as np
-from warpsph.checkpoint import prune, save
+from warpsph.files.checkpoint import prune, save
 for step in range(10000):
     save(Path({str(tmp_path)!r}) / f"step_{{step}}.h5", {{"a": np.full(300000, step)}}, {{"step": step}})
     prune(Path({str(tmp_path)!r}), 2)

@@ -11,7 +11,7 @@ import pytest
 
 import warpsph
 from warpsph import cli
-from warpsph.case_file import load_case
+from warpsph.case.case_file import load_case
 from warpsph.errors import CapacityError, DivergenceError, Interrupted, OutputError, WallTimeReached
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -425,11 +425,11 @@ def test_schema_is_json_schema(command):
 
 
 def test_plot_passes_its_options_on(command, monkeypatch):
-    import warpsph.plot
+    import warpsph.study.plot
 
     calls = []
     monkeypatch.setattr(
-        warpsph.plot, "plot_run", lambda *args, **keywords: calls.append((args, keywords)) or [Path("a.png")]
+        warpsph.study.plot, "plot_run", lambda *args, **keywords: calls.append((args, keywords)) or [Path("a.png")]
     )
     code, out, _ = command("plot", "runs/x", "--field", "speed", "--times", "0,1.5", "--output", "a.png")
     assert (code, out) == (0, "a.png\n")
@@ -439,12 +439,12 @@ def test_plot_passes_its_options_on(command, monkeypatch):
 @pytest.fixture
 def plotted(monkeypatch):
     """Keywords of the calls that draw or film a run, with the name of the function."""
-    import warpsph.movie
-    import warpsph.plot
+    import warpsph.study.movie
+    import warpsph.study.plot
 
     calls = []
     monkeypatch.setattr(
-        warpsph.plot, "plot_run", lambda *args, **keywords: calls.append(("plot", args, keywords)) or [Path("a.png")]
+        warpsph.study.plot, "plot_run", lambda *args, **keywords: calls.append(("plot", args, keywords)) or [Path("a.png")]
     )
 
     def make_movie(*args, progress, **keywords):
@@ -453,7 +453,7 @@ def plotted(monkeypatch):
         calls.append(("movie", args, keywords))
         return Path("a.gif")
 
-    monkeypatch.setattr(warpsph.movie, "make_movie", make_movie)
+    monkeypatch.setattr(warpsph.study.movie, "make_movie", make_movie)
     return calls
 
 

@@ -8,10 +8,10 @@ import pytest
 import warp as wp
 
 from tests.helpers import Fluid, Setup, lattice
-from warpsph.kernels import clock as ck
-from warpsph.kernels.clock import make_advance
-from warpsph.kernels.spec import Spec
-from warpsph.neighbours import brute_force_pairs
+from warpsph.engine.neighbours import brute_force_pairs
+from warpsph.kernels.core import clock as ck
+from warpsph.kernels.core.clock import make_advance
+from warpsph.kernels.core.spec import Spec
 
 H, SOUND, COURANT, SKIN = 0.01, 20.0, 0.5, 1e-3
 ACOUSTIC = COURANT * H / SOUND  # 2.5e-4 s

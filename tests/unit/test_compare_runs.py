@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from warpsph.case import Case
-from warpsph.output import RunFolder
+from warpsph.case.case import Case
+from warpsph.files.output import RunFolder
 from warpsph.snapshot import FLUID, WALL, Snapshot
 
 SCRIPT = Path(__file__).resolve().parents[2] / "scripts" / "compare_runs.py"

@@ -5,12 +5,12 @@ import math
 import numpy as np
 import pytest
 
-from warpsph.case import Case
-from warpsph.comparison import compare, format_comparison, particle_norm, pick_column
+from warpsph.case.case import Case
 from warpsph.errors import CaseError
-from warpsph.gauges import GaugeSet
-from warpsph.output import RunFolder
+from warpsph.files.output import RunFolder
+from warpsph.measure.gauges import GaugeSet
 from warpsph.snapshot import FLUID, WALL, Snapshot
+from warpsph.study.comparison import compare, format_comparison, particle_norm, pick_column
 
 GAUGES = {
     "energy": {"type": "energy", "interval": 0.1},
@@ -195,7 +195,7 @@ def test_extremes_lie_between_the_rows(run, reduce, formula, value, unit):
 
 def test_a_symmetric_peak_is_found_where_it_is():
     """The cubic's first coefficient is rounding alone there, of which the root must not be lost."""
-    from warpsph.comparison import extreme
+    from warpsph.study.comparison import extreme
 
     t = np.linspace(0.05, 0.15, 11)
     assert extreme(t, np.sin(5 * np.pi * t), True) == pytest.approx((0.1, 1.0), rel=2e-3)
@@ -740,7 +740,7 @@ def test_text_of_the_results(run):
 
 
 def test_period_is_the_time_between_upward_crossings():
-    from warpsph.comparison import period
+    from warpsph.study.comparison import period
 
     times = np.linspace(0.0, 10.0, 401)
     values = 3.0 + np.exp(-0.05 * times) * np.cos(2.0 * np.pi * times / 2.5)

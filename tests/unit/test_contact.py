@@ -10,12 +10,12 @@ import warp as wp
 from tests.helpers import Bench, Fluid, lattice
 from tests.scenes import FULL, case_of
 from warpsph import Simulation
-from warpsph.case import Case
+from warpsph.case.case import Case
 from warpsph.errors import CaseError
-from warpsph.kernels.contact import make_wall_normal
-from warpsph.kernels.spec import Spec, types
-from warpsph.physics import contact_matrix
+from warpsph.kernels.core.spec import Spec, types
+from warpsph.kernels.riemann.contact import make_wall_normal
 from warpsph.schemes import riemann
+from warpsph.schemes.physics import contact_matrix
 from warpsph.simulation import describe
 
 SPEC = Spec(

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from warpsph.contour import SMOOTHING, Contour, Share, contour, crossings_above, join_ends, shares_of_phases
+from warpsph.measure.contour import SMOOTHING, Contour, Share, contour, crossings_above, join_ends, shares_of_phases
 
 CLOSED = (False, False)
 

@@ -12,15 +12,17 @@ from tests.projection import Stages, channel_spec, digits, open_spec, periodic_s
 from tests.scenes import case_of
 from tests.unit.test_clock import Clock
 from tests.unit.test_isph_case import assert_same, deep, in_three, kept
-from warpsph import Simulation, checkpoint, incompressible, physics
-from warpsph.case import Case
-from warpsph.case_file import load_case
+from warpsph import Simulation
+from warpsph.case.case import Case
+from warpsph.case.case_file import load_case
 from warpsph.errors import CaseError
-from warpsph.geometry import build
-from warpsph.kernels import clock as ck
-from warpsph.kernels.diffusion import STABILISER, component_wise
-from warpsph.kernels.mirror import FREE_SLIP, NO_SLIP, NO_WALL
-from warpsph.physics import derive, support_radius
+from warpsph.files import checkpoint
+from warpsph.kernels.core import clock as ck
+from warpsph.kernels.core.mirror import FREE_SLIP, NO_SLIP, NO_WALL
+from warpsph.kernels.isph.diffusion import STABILISER, component_wise
+from warpsph.scene.geometry import build
+from warpsph.schemes import incompressible, physics
+from warpsph.schemes.physics import derive, support_radius
 from warpsph.simulation import describe, estimate
 
 CASES = Path(__file__).resolve().parents[2] / "cases"

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from tests.helpers import Bench, Fluid, evaluate
-from warpsph.kernels.eos import make_eos
-from warpsph.kernels.spec import Spec
+from warpsph.kernels.core.eos import make_eos
+from warpsph.kernels.core.spec import Spec
 from warpsph.schemes import riemann
 
 GAMMAS = [1.0, 1.4, 4.0, 7.0]

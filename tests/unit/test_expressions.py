@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from warpsph.case.expressions import FUNCTIONS, compile_expression
 from warpsph.errors import CaseError, ExpressionError
-from warpsph.expressions import FUNCTIONS, compile_expression
 
 X = np.array([-1.5, -0.2, 0.0, 0.7, 2.0])
 Y = np.array([0.3, -2.0, 0.0, 1.1, 0.4])

@@ -20,11 +20,13 @@ import pytest
 from typer.testing import CliRunner
 
 from tests.scenes import FULL, PERIODIC, case_of
-from warpsph import Simulation, checkpoint, cli, neighbours, output, simulation
-from warpsph.case_file import save_case
+from warpsph import Simulation, cli, simulation
+from warpsph.case.case_file import save_case
+from warpsph.engine import neighbours
 from warpsph.errors import CapacityError, CaseError, DivergenceError, Interrupted, OutputError, WallTimeReached
-from warpsph.gauges import read_gauge
-from warpsph.output import Series, read_vtp
+from warpsph.files import checkpoint, output
+from warpsph.files.output import Series, read_vtp
+from warpsph.measure.gauges import read_gauge
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -426,7 +428,7 @@ def test_list_grows_in_the_middle_of_a_run(monkeypatch):
 
 
 def simulation_clock():
-    from warpsph.kernels import clock
+    from warpsph.kernels.core import clock
 
     return clock
 

@@ -9,9 +9,9 @@ import pytest
 
 from tests.scenes import FULL, case_of
 from warpsph import Simulation
-from warpsph.case import Case
+from warpsph.case.case import Case
 from warpsph.errors import CaseError, OutputError, WarpsphError
-from warpsph.gauges import GaugeSet, PhaseEos, isolated, outline, parse_heading, read_gauge, wall_bodies
+from warpsph.measure.gauges import GaugeSet, PhaseEos, isolated, outline, parse_heading, read_gauge, wall_bodies
 from warpsph.snapshot import FLUID, WALL, Snapshot
 
 

@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from warpsph.case import Case
+from warpsph.case.case import Case
 from warpsph.errors import CaseError
-from warpsph.geometry import _inside_polygon, build, hydrostatic_pressure, inside, make_lattice
+from warpsph.scene.geometry import _inside_polygon, build, hydrostatic_pressure, inside, make_lattice
 
 BASE = {
     "dimension": 2,

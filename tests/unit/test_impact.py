@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from tests.helpers import Bench, Fluid, lattice
-from warpsph.case import Case
-from warpsph.geometry import build
-from warpsph.kernels.leaks import INSIDE
-from warpsph.kernels.riemann import make_one_sided
-from warpsph.kernels.spec import Spec
-from warpsph.model import Model
-from warpsph.physics import derive, support_radius
+from warpsph.case.case import Case
+from warpsph.engine.model import Model
+from warpsph.kernels.core.leaks import INSIDE
+from warpsph.kernels.core.spec import Spec
+from warpsph.kernels.riemann.star import make_one_sided
+from warpsph.scene.geometry import build
+from warpsph.schemes.physics import derive, support_radius
 from warpsph.simulation import Simulation
 
 SPACING = 0.1

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tests.helpers import Bench, Fluid, lattice
-from warpsph.kernels.spec import Spec
+from warpsph.kernels.core.spec import Spec
 from warpsph.schemes import riemann
 
 SPEC = Spec(dimension=2, precision="float64", multiphase=True, tension="pressure_jump", interface=True)

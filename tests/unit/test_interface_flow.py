@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from tests.helpers import Bench, Fluid, lattice
-from warpsph.kernels.fields import fields_of
-from warpsph.kernels.pair import NEAR
-from warpsph.kernels.spec import Spec
+from warpsph.kernels.core.fields import fields_of
+from warpsph.kernels.core.pair import NEAR
+from warpsph.kernels.core.spec import Spec
 from warpsph.schemes import riemann
 
 FLAT = Spec(dimension=2, precision="float64", multiphase=True)

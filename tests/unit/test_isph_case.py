@@ -9,8 +9,10 @@ import pytest
 
 from tests.isph_scenes import COUETTE, DROP, DX, HARDLY, TANK, VORTICES, rows, start
 from tests.scenes import case_of
-from warpsph import Simulation, checkpoint, launch
-from warpsph.kernels import clock as ck
+from warpsph import Simulation
+from warpsph.engine import launch
+from warpsph.files import checkpoint
+from warpsph.kernels.core import clock as ck
 
 
 def steps(simulation, count):

@@ -8,7 +8,7 @@ import pytest
 from tests.isph_scenes import DROP, TANK, rows, start
 from tests.scenes import case_of
 from warpsph import Simulation
-from warpsph.case import Case
+from warpsph.case.case import Case
 from warpsph.errors import CaseError, DivergenceError
 from warpsph.simulation import describe
 

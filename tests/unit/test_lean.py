@@ -10,8 +10,8 @@ import warp as wp
 
 from tests.scenes import FULL, LEAN, PERIODIC, case_of
 from warpsph import Simulation
-from warpsph.kernels import clock as ck
-from warpsph.launch import Launcher
+from warpsph.engine.launch import Launcher
+from warpsph.kernels.core import clock as ck
 from warpsph.simulation import describe
 
 ROOT = Path(__file__).resolve().parents[2]

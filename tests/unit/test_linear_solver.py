@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 import warp as wp
 
+from warpsph.engine.launch import Launcher
+from warpsph.engine.model import quiet_warp
 from warpsph.errors import CapacityError
-from warpsph.kernels import linear as ln
-from warpsph.launch import Launcher
-from warpsph.linear_solver import EllMatrix, LinearSolver, attainable
-from warpsph.model import quiet_warp
+from warpsph.kernels.linear import krylov as ln
+from warpsph.solvers.linear_solver import EllMatrix, LinearSolver, attainable
 
 quiet_warp()
 

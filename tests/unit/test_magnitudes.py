@@ -6,7 +6,7 @@ from typer.testing import CliRunner
 from tests.isph_scenes import TANK
 from tests.scenes import FULL, PERIODIC, case_of
 from warpsph import cli
-from warpsph.case_file import save_case
+from warpsph.case.case_file import save_case
 from warpsph.errors import CaseError
 from warpsph.simulation import estimate
 

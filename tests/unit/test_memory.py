@@ -13,12 +13,13 @@ from typer.testing import CliRunner
 
 from tests.isph_scenes import TANK
 from tests.scenes import FULL, PERIODIC, case_of
-from warpsph import cli, memory, model, simulation
-from warpsph.case_file import load_case, save_case
+from warpsph import cli, simulation
+from warpsph.case.case_file import load_case, save_case
+from warpsph.engine import memory, model
+from warpsph.engine.model import Model
 from warpsph.errors import CapacityError
-from warpsph.geometry import build
-from warpsph.model import Model
-from warpsph.physics import support_radius
+from warpsph.scene.geometry import build
+from warpsph.schemes.physics import support_radius
 
 ROOT = Path(__file__).resolve().parents[2]
 WITHIN = 0.3  # of what is taken
@@ -73,10 +74,10 @@ def test_device_memory_is_as_foretold(name):
 
 PEAK = """
 import json, sys
-from warpsph import memory
-from warpsph.case import Case
-from warpsph.geometry import build
-from warpsph.physics import support_radius
+from warpsph.engine import memory
+from warpsph.case.case import Case
+from warpsph.scene.geometry import build
+from warpsph.schemes.physics import support_radius
 
 def status(name):
     return next(1024 * int(row.split()[1]) for row in open("/proc/self/status") if row.startswith(name))
@@ -211,8 +212,8 @@ def test_the_largest_scene_of_the_benchmark_fits_a_large_gpu(monkeypatch):
     """32 M particles in 3-D have more list entries than 31 bits number, and fit 141 GB beside a host of 128 GiB."""
     import importlib.util
 
-    from warpsph.case import Case
-    from warpsph.neighbours import LARGEST_NARROW
+    from warpsph.case.case import Case
+    from warpsph.engine.neighbours import LARGEST_NARROW
 
     spec = importlib.util.spec_from_file_location("bench_speed", ROOT / "scripts" / "bench_speed.py")
     bench = importlib.util.module_from_spec(spec)

@@ -6,11 +6,11 @@ import warp as wp
 
 from tests.helpers import lattice
 from tests.projection import Stages, codes_of, digits, open_spec, periodic_spec, reflect
-from warpsph import neighbours
+from warpsph.engine import neighbours
 from warpsph.errors import CapacityError
-from warpsph.kernels.mirror import FREE_SLIP, NO_SLIP, NO_WALL, code_shift, make_images, make_sides
-from warpsph.kernels.params import make_params
-from warpsph.kernels.spec import types_of
+from warpsph.kernels.core.mirror import FREE_SLIP, NO_SLIP, NO_WALL, code_shift, make_images, make_sides
+from warpsph.kernels.core.params import make_params
+from warpsph.kernels.core.spec import types_of
 
 SPACING = 0.1
 SCENES = {

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from warpsph.case import Case
-from warpsph.model import Model
+from warpsph.case.case import Case
+from warpsph.engine.model import Model
 
 ACROSS = 24
 DROP = {

@@ -8,8 +8,8 @@ from matplotlib import colormaps
 from PIL import Image
 
 from tests.unit.test_plot import SPACING, make_run
-from warpsph import movie, plot
 from warpsph.errors import CaseError, OutputError
+from warpsph.study import movie, plot
 
 
 @pytest.fixture

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 import warp as wp
 
+from warpsph.engine.launch import Bindings, Launcher
+from warpsph.engine.model import quiet_warp
 from warpsph.errors import CapacityError
-from warpsph.kernels import multigrid as mg
-from warpsph.launch import Bindings, Launcher
-from warpsph.linear_solver import LinearSolver
-from warpsph.model import quiet_warp
-from warpsph.multigrid import WIDE, Multigrid, periodic_cells, plan_levels, sweep_weights
+from warpsph.kernels.linear import grid_cycle as mg
+from warpsph.solvers.linear_solver import LinearSolver
+from warpsph.solvers.multigrid import WIDE, Multigrid, periodic_cells, plan_levels, sweep_weights
 
 SCRIPT = Path(__file__).resolve().parents[2] / "scripts" / "bench_solver.py"
 quiet_warp()

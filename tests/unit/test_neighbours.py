@@ -7,11 +7,11 @@ import pytest
 import warp as wp
 
 from tests.helpers import Bench, Fluid, Setup, lattice
+from warpsph.engine.neighbours import brute_force_pairs, grid_layout
 from warpsph.errors import CapacityError
-from warpsph.kernels import clock as ck
-from warpsph.kernels.pair import BAND, NEAR, WRAPPED
-from warpsph.kernels.spec import Spec
-from warpsph.neighbours import brute_force_pairs, grid_layout
+from warpsph.kernels.core import clock as ck
+from warpsph.kernels.core.pair import BAND, NEAR, WRAPPED
+from warpsph.kernels.core.spec import Spec
 
 MARGIN = 1e-6  # pairs nearer than this (relative) to a radius may fall on either side of it
 
@@ -292,8 +292,8 @@ def test_a_list_that_does_not_fit_the_memory(device, monkeypatch):
         raise RuntimeError("Failed to allocate")
 
     monkeypatch.setattr(wp, "empty", full)
-    monkeypatch.setattr("warpsph.memory.host_free", lambda: 1000)
-    monkeypatch.setattr("warpsph.memory.device_free", lambda _device: 1000)
+    monkeypatch.setattr("warpsph.engine.memory.host_free", lambda: 1000)
+    monkeypatch.setattr("warpsph.engine.memory.device_free", lambda _device: 1000)
     with pytest.raises(CapacityError) as caught:
         bench.list.resize(80)
     text = str(caught.value)

@@ -14,9 +14,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from warpsph import output
 from warpsph.errors import OutputError
-from warpsph.output import PARTICLE_FIELDS, RunFolder, Schedule, Writer, last_particles, read_vtp, write_vtp
+from warpsph.files import output
+from warpsph.files.output import PARTICLE_FIELDS, RunFolder, Schedule, Writer, last_particles, read_vtp, write_vtp
 from warpsph.snapshot import FLUID, WALL, Snapshot
 
 
@@ -358,7 +358,7 @@ sys.path.insert(0, {str(Path(__file__).parent)!r})
 from pathlib import Path
 from test_output import make_snapshot
 from warpsph.errors import OutputError
-from warpsph.output import write_vtp
+from warpsph.files.output import write_vtp
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 resource.setrlimit(resource.RLIMIT_FSIZE, (65536, 65536))
 try:

@@ -8,13 +8,14 @@ import pytest
 import warp as wp
 
 from tests.scenes import FULL, case_of
-from warpsph import borders, packing, simulation
-from warpsph.borders import VOID, Interface, find_interface, volume_factors
-from warpsph.case import Case
-from warpsph.geometry import build, contains, inside
-from warpsph.launch import Launcher
-from warpsph.model import Model, quiet_warp
-from warpsph.packing import Packer
+from warpsph import simulation
+from warpsph.case.case import Case
+from warpsph.engine.launch import Launcher
+from warpsph.engine.model import Model, quiet_warp
+from warpsph.scene import borders, packing
+from warpsph.scene.borders import VOID, Interface, find_interface, volume_factors
+from warpsph.scene.geometry import build, contains, inside
+from warpsph.scene.packing import Packer
 
 quiet_warp()
 

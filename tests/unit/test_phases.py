@@ -7,7 +7,7 @@ import pytest
 
 from tests.scenes import FULL, case_of
 from warpsph import Simulation
-from warpsph.case import Case
+from warpsph.case.case import Case
 from warpsph.simulation import estimate
 
 OFF = {"particles": "none", "checkpoint": "none"}

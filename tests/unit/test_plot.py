@@ -7,10 +7,10 @@ import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_rgba
 
-from warpsph import plot
 from warpsph.errors import CaseError
-from warpsph.output import RunFolder
+from warpsph.files.output import RunFolder
 from warpsph.snapshot import FLUID, WALL, Snapshot
+from warpsph.study import plot
 
 SPACING = 0.1
 PNG = b"\x89PNG\r\n\x1a\n"

@@ -10,22 +10,21 @@ import warp as wp
 from tests.helpers import Fluid, lattice
 from tests.isph_scenes import SCENES, spec_of
 from tests.projection import INSIDE, ISOLATED, Stages, channel_spec, codes_of, open_spec, periodic_spec
-from warpsph.incompressible import row_shares
-from warpsph.kernels import clock as ck
-from warpsph.kernels.mirror import FREE_SLIP, NO_SLIP, NO_WALL
-from warpsph.kernels.projection import (
+from warpsph.kernels.core import clock as ck
+from warpsph.kernels.core.mirror import FREE_SLIP, NO_SLIP, NO_WALL
+from warpsph.kernels.core.smoothing import window_integral
+from warpsph.kernels.core.weights import LONGEST, make_weights
+from warpsph.kernels.isph.projection import (
     CLOSEST,
     CONTACT,
     CROWDED,
-    LONGEST,
     MOST_FILTER,
     MOST_PUSH,
     SMALLEST_MOMENT,
     UNSURE,
-    make_weights,
 )
-from warpsph.kernels.smoothing import window_integral
 from warpsph.schemes import isph
+from warpsph.schemes.incompressible import row_shares
 
 SPACING = 0.1
 WATER = Fluid(density=4.0, viscosity=0.3)

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from warpsph.case import Case
-from warpsph.model import Model
+from warpsph.case.case import Case
+from warpsph.engine.model import Model
 
 SCRIPTS = Path(__file__).resolve().parents[2] / "scripts"
 SEEDS = range(1, 61)

@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 
 from tests.scenes import FULL, PERIODIC, case_of
-from warpsph import Simulation, checkpoint, launch
+from warpsph import Simulation
+from warpsph.engine import launch
 from warpsph.errors import CaseError, OutputError
-from warpsph.kernels import clock as ck
+from warpsph.files import checkpoint
+from warpsph.kernels.core import clock as ck
 
 SCENES = {"periodic": PERIODIC, "full": FULL}
 

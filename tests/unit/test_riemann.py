@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tests.helpers import evaluate
-from warpsph.kernels.riemann import make_jump, make_star
+from warpsph.kernels.riemann.star import make_jump, make_star
 
 N = 200
 

@@ -7,9 +7,9 @@ import pytest
 
 from tests.helpers import Bench, Fluid, lattice
 from tests.scenes import FULL, LEAN, case_of
-from warpsph.kernels.momentum import make_momentum
-from warpsph.kernels.smoothing import window_integral
-from warpsph.kernels.spec import Spec
+from warpsph.kernels.core.smoothing import window_integral
+from warpsph.kernels.core.spec import Spec
+from warpsph.kernels.riemann.momentum import make_momentum
 from warpsph.simulation import describe
 
 SPACING = 0.1

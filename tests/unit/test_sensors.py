@@ -5,11 +5,11 @@ import math
 import numpy as np
 import pytest
 
-from warpsph.case import Case
+from warpsph.case.case import Case
 from warpsph.errors import CaseError
-from warpsph.gauges import GaugeSet
-from warpsph.probes import sample
-from warpsph.sensors import NoPlane, face_spots, wall_normal
+from warpsph.measure.gauges import GaugeSet
+from warpsph.measure.probes import sample
+from warpsph.measure.sensors import NoPlane, face_spots, wall_normal
 from warpsph.snapshot import Snapshot
 
 SPACING = 0.05

@@ -9,12 +9,13 @@ import pytest
 
 import warpsph
 from tests.scenes import FULL, PERIODIC, case_of
-from warpsph import Simulation, load_case, output, simulation
-from warpsph.case_file import save_case
-from warpsph.comparison import compared
+from warpsph import Simulation, load_case, simulation
+from warpsph.case.case_file import save_case
 from warpsph.errors import CaseError, WarpsphError
-from warpsph.gauges import read_gauge
-from warpsph.kernels import clock as ck
+from warpsph.files import output
+from warpsph.kernels.core import clock as ck
+from warpsph.measure.gauges import read_gauge
+from warpsph.study.comparison import compared
 
 
 @pytest.fixture(scope="module")

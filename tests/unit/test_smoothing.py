@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tests.helpers import evaluate
-from warpsph.kernels.smoothing import KERNELS, make_smoothing
+from warpsph.kernels.core.smoothing import KERNELS, make_smoothing
 
 NAMES = list(KERNELS)
 GAUSSIAN_STEP = 2 * math.exp(-9.0)  # slope of the Gaussian where it is cut

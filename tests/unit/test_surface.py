@@ -5,8 +5,8 @@ import pytest
 
 from tests.helpers import lattice
 from tests.projection import INSIDE, ISOLATED, SURFACE, Stages, open_spec
-from warpsph.kernels.mirror import NO_SLIP, NO_WALL
-from warpsph.kernels.surface import WITHIN
+from warpsph.kernels.core.mirror import NO_SLIP, NO_WALL
+from warpsph.kernels.isph.surface import WITHIN
 
 SPACING = 0.1
 BOTH = pytest.mark.parametrize("precision", ["float64", "float32"])

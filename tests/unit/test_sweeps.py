@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from tests.helpers import Bench, Fluid, Setup, full, lattice
-from warpsph.kernels.pair import NEAR
-from warpsph.kernels.smoothing import KERNELS
-from warpsph.kernels.spec import Spec
+from warpsph.kernels.core.pair import NEAR
+from warpsph.kernels.core.smoothing import KERNELS
+from warpsph.kernels.core.spec import Spec
 from warpsph.schemes import riemann
 
 BASE = Spec(dimension=2, precision="float64")

@@ -10,12 +10,13 @@ import numpy as np
 import pytest
 
 from tests.scenes import PERIODIC
-from warpsph import cli, figures, validation
-from warpsph.case import Case
-from warpsph.case_file import dump_yaml
-from warpsph.comparison import compared
+from warpsph import cli
+from warpsph.case.case import Case
+from warpsph.case.case_file import dump_yaml
 from warpsph.errors import CaseError
 from warpsph.simulation import Simulation
+from warpsph.study import figures, validation
+from warpsph.study.comparison import compared
 
 PNG = b"\x89PNG\r\n\x1a\n"
 START = 0.25  # kinetic energy of the vortices, J/m
@@ -414,7 +415,7 @@ def test_a_figure_leaves_out_what_is_none_of_its_phases(finished, monkeypatch, t
     """The pressure of one phase of two: no particle of the other, and the same part of the scene."""
     from matplotlib.figure import Figure
 
-    from warpsph import plot
+    from warpsph.study import plot
 
     saved = []
     monkeypatch.setattr(Figure, "savefig", lambda figure, path, **_: (saved.append(figure), path.write_bytes(b"")))
@@ -447,7 +448,7 @@ def test_data_of_curves_and_of_what_cannot_be_read(finished):
 
 
 def test_reference_interface_is_drawn_over_its_time(finished, tmp_path, monkeypatch):
-    from warpsph import plot
+    from warpsph.study import plot
 
     drawn = []
     monkeypatch.setattr(plot, "draw_segments", lambda panel, segments: drawn.append((panel.get_title(), segments)))
@@ -476,7 +477,7 @@ def test_vorticity_of_a_rigid_rotation_and_of_a_shear():
 
 
 def test_spray_outside_of_the_domain_does_not_shrink_the_picture(finished):
-    from warpsph import plot
+    from warpsph.study import plot
 
     folder = finished[0] / "runs" / "vortices-20"
     frame = plot.read_frame(*(series := plot.read_series(folder)), series[0].frames[0])
@@ -499,7 +500,7 @@ def test_spray_outside_of_the_domain_does_not_shrink_the_picture(finished):
 def test_reference_of_a_value_is_drawn_where_it_counts(reduce, window, seen):
     from matplotlib.figure import Figure
 
-    from warpsph.comparison import Compared
+    from warpsph.study.comparison import Compared
 
     times = np.linspace(0, 1, 11)
     entry = Compared("x", "g", "c", "m", "value", {0.0: (times, times)}, value=0.5, window=window, reduce=reduce)
@@ -516,7 +517,7 @@ def test_reference_of_a_value_is_drawn_where_it_counts(reduce, window, seen):
 
 
 def test_a_long_label_takes_several_lines():
-    from warpsph.comparison import Compared
+    from warpsph.study.comparison import Compared
 
     label = "highest_x gas - lowest_x gas + highest_y gas - lowest_y gas"
     text = figures._axis(Compared("x", "g", label, "m", "value", {}))

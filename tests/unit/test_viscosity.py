@@ -9,9 +9,9 @@ import pytest
 import warp as wp
 
 from tests.helpers import Bench, Fluid, evaluate, lattice
-from warpsph.kernels.smoothing import KERNELS, make_smoothing
-from warpsph.kernels.spec import Spec, types
-from warpsph.kernels.viscosity import make_viscosity
+from warpsph.kernels.core.smoothing import KERNELS, make_smoothing
+from warpsph.kernels.core.spec import Spec, types
+from warpsph.kernels.core.viscosity import make_viscosity
 
 FORMS = ["morris", "radial", "paper"]
 

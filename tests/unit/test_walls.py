@@ -7,8 +7,8 @@ import pytest
 import warp as wp
 
 from tests.helpers import Bench, Fluid, lattice
-from warpsph.kernels.load import make_load
-from warpsph.kernels.spec import Spec, types_of
+from warpsph.kernels.core.spec import Spec, types_of
+from warpsph.kernels.riemann.load import make_load
 from warpsph.schemes import riemann
 
 SPACING = 0.1

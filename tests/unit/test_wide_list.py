@@ -12,10 +12,12 @@ import warp as wp
 from tests.helpers import Bench
 from tests.isph_scenes import COUETTE, TANK
 from tests.scenes import FULL, PERIODIC, case_of
-from warpsph import Simulation, linear_solver, neighbours
-from warpsph.kernels import clock as ck
-from warpsph.kernels.pair import make_entry
-from warpsph.kernels.spec import Spec
+from warpsph import Simulation
+from warpsph.engine import neighbours
+from warpsph.kernels.core import clock as ck
+from warpsph.kernels.core.pair import make_entry
+from warpsph.kernels.core.spec import Spec
+from warpsph.solvers import linear_solver
 
 ROOT = Path(__file__).resolve().parents[2]
 NOTHING = {"output__particles": "none", "output__checkpoint": "none"}
@@ -81,7 +83,7 @@ def test_a_wide_list_holds_the_entries_of_a_narrow_one(row_list, periodic, devic
 COMPARE = """
 import sys
 import numpy as np
-from warpsph.kernels.spec import SWEEP_OPTIONS
+from warpsph.kernels.core.spec import SWEEP_OPTIONS
 SWEEP_OPTIONS.update(fast_math=False, cpu_compiler_flags="")
 from tests.unit.test_wide_list import *
 {call}

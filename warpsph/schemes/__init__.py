@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from types import ModuleType
 
-from warpsph.kernels.spec import Spec
+from warpsph.kernels.core.spec import Spec
 
 
 def of(spec: Spec) -> ModuleType:

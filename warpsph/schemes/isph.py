@@ -5,9 +5,11 @@ Predict without pressure, solve the pressure equation that makes the velocity fr
 
 from __future__ import annotations
 
-from warpsph.kernels.clock import make_advance
-from warpsph.kernels.diffusion import component_wise, make_diffusion
-from warpsph.kernels.projection import (
+from warpsph.kernels.core.clock import make_advance
+from warpsph.kernels.core.spec import Spec
+from warpsph.kernels.core.wall import make_wall
+from warpsph.kernels.isph.diffusion import component_wise, make_diffusion
+from warpsph.kernels.isph.projection import (
     make_accept,
     make_advect,
     make_assemble,
@@ -16,9 +18,7 @@ from warpsph.kernels.projection import (
     make_regularise,
     make_settle,
 )
-from warpsph.kernels.spec import Spec
-from warpsph.kernels.surface import make_surface
-from warpsph.kernels.wall import make_wall
+from warpsph.kernels.isph.surface import make_surface
 from warpsph.schemes.stage import Absent, Stage
 
 __all__ = ["absent", "advance", "component_wise", "diffuse", "equation", "finish", "look", "move", "step", "take"]

@@ -8,18 +8,18 @@ from __future__ import annotations
 
 import dataclasses
 
-from warpsph.kernels.clock import make_advance
-from warpsph.kernels.contact import make_contact
-from warpsph.kernels.density import make_continuity, make_state
-from warpsph.kernels.drift import make_drift
-from warpsph.kernels.integrate import make_kick_drift
-from warpsph.kernels.interface import make_curvature, make_fraction, make_normal
-from warpsph.kernels.interface_flow import make_interface_flow
-from warpsph.kernels.load import make_load
-from warpsph.kernels.momentum import make_momentum
-from warpsph.kernels.spec import Spec
-from warpsph.kernels.volume import make_volume
-from warpsph.kernels.wall import make_wall
+from warpsph.kernels.core.clock import make_advance
+from warpsph.kernels.core.spec import Spec
+from warpsph.kernels.core.wall import make_wall
+from warpsph.kernels.riemann.contact import make_contact
+from warpsph.kernels.riemann.density import make_continuity, make_state
+from warpsph.kernels.riemann.drift import make_drift
+from warpsph.kernels.riemann.integrate import make_kick_drift
+from warpsph.kernels.riemann.interface import make_curvature, make_fraction, make_normal
+from warpsph.kernels.riemann.interface_flow import make_interface_flow
+from warpsph.kernels.riemann.load import make_load
+from warpsph.kernels.riemann.momentum import make_momentum
+from warpsph.kernels.riemann.volume import make_volume
 from warpsph.schemes.stage import Absent, Stage
 
 

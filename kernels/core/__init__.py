@@ -1,0 +1,1 @@
+"""Kernels and functions that every scheme shares."""

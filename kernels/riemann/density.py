@@ -1,0 +1,228 @@
+"""Continuity sweep: density from the star velocities, then pressure and volume (methods A2, A3; seed 000 eq 13).
+
+    ds_i/dt = 2 (1+s_i) sum_j (v_i - v*_ij).grad_i W V_j,   s = rho/rho0 - 1
+"""
+
+import functools
+from typing import Any
+
+import warp as wp
+
+from warpsph.kernels.core.clock import STEP
+from warpsph.kernels.core.eos import make_eos
+from warpsph.kernels.core.pair import NEAR, WRAPPED, list_access, separation_of
+from warpsph.kernels.core.params import make_params, make_phase
+from warpsph.kernels.core.smoothing import make_smoothing
+from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, types_of
+
+from .star import make_jump, make_star
+
+PRESSED = 1.1  # density over that at rest from which on the impedance follows it
+STIFFEST = 1.5  # rate, over a step, at which the pressure of a particle may follow that of its neighbours
+
+
+@functools.cache
+def make_state(spec: Spec) -> Any:
+    """Return the kernel that evaluates pressure and volume of the fluid from the density excess."""
+    real, vec, _, pair = types_of(spec)
+    Phase = make_phase(spec.precision)
+    eos = make_eos(spec.precision)
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def state_from_density(
+        first: int,
+        phases: wp.array(dtype=Phase),
+        phase: wp.array(dtype=wp.int8),
+        density_excess: wp.array(dtype=real),
+        rest_volume: wp.array(dtype=real),
+        state: wp.array(dtype=pair),
+        state_old: wp.array(dtype=pair),
+    ):
+        i = wp.tid() + first
+        own = phases[0]
+        if wp.static(spec.multiphase):
+            own = phases[int(phase[i])]
+        s = density_excess[i]
+        both = pair(eos(s, own.stiffness, own.gamma) + own.background, rest_volume[i] / (real(1.0) + s))
+        state[i] = both
+        state_old[i] = both
+
+    return state_from_density
+
+
+@functools.cache
+def make_continuity(spec: Spec) -> Any:
+    """Return the continuity sweep of a `Spec`: reads the old state, writes density excess and new state."""
+    real, vec, mat, pair = types_of(spec)
+    Params = make_params(spec.dimension, spec.precision)
+    Phase = make_phase(spec.precision)
+    eos = make_eos(spec.precision)
+    _, slope = make_smoothing(spec.kernel, spec.precision)
+    separation = separation_of(spec)
+    list_begin, list_step, neighbour, Listed = list_access(spec)
+    star_velocity, _ = make_star(spec.precision, spec.paper_star)
+    laplace_jump = make_jump(spec.precision)
+    periodic = any(spec.periodic)
+    jumps = spec.tension == "pressure_jump"
+    spray = spec.free_surface and not spec.multiphase
+    sided = spec.multiphase and not spec.paper_star
+    sparse = 0.4 * spec.dimension  # of `crowd`: fewer neighbours than a particle on a free surface has
+
+    @wp.kernel(module="unique", enable_backward=False, module_options=SWEEP_OPTIONS)
+    def continuity(
+        first: int,
+        particle_count: int,
+        list_width: int,
+        params: Params,
+        phases: wp.array(dtype=Phase),
+        tension: wp.array(dtype=real),
+        clock: wp.array(dtype=wp.float64),
+        velocity_gradient: wp.array(dtype=mat),
+        neighbours: Listed,
+        fluid_neighbours: wp.array(dtype=wp.int16),
+        wall_neighbours: wp.array(dtype=wp.int16),
+        flags: wp.array(dtype=wp.uint8),
+        phase: wp.array(dtype=wp.int8),
+        position: wp.array(dtype=vec),
+        midway: wp.array(dtype=vec),
+        velocity: wp.array(dtype=vec),
+        state_old: wp.array(dtype=pair),
+        rest_volume: wp.array(dtype=real),
+        curvature: wp.array(dtype=real),
+        interface_weight: wp.array(dtype=real),
+        density_excess: wp.array(dtype=real),
+        state: wp.array(dtype=pair),
+    ):
+        i = wp.tid() + first
+        xi = midway[i]
+        vi = velocity[i]
+        p_i = state_old[i][0]
+        own = phases[0]
+        own_phase = int(0)
+        if wp.static(spec.multiphase):
+            own_phase = int(phase[i])
+            own = phases[own_phase]
+        wrapped = bool(False)
+        near = bool(False)
+        if wp.static(periodic or spec.multiphase):
+            flag = int(flags[i])
+            wrapped = (flag & WRAPPED) != 0
+            near = (flag & NEAR) != 0
+        inv_z = own.mobility  # a quotient here would be pushed into the pair loop by the compiler
+        hardened = real(1.0)
+        softened = real(1.0)
+        if wp.static(spec.dissipation and spec.multiphase):
+            # A gas that is pressed is stiffer by (1+s)^gamma, and its impedance rho c is larger by the power (gamma+1)/2:
+            # with the impedance at rest the pressures of neighbours would overshoot each other. A few per cent do not count.
+            pressed = rest_volume[i] / (state_old[i][1] * real(PRESSED))
+            if pressed > real(1.0):
+                hardened = wp.pow(pressed, own.gamma)
+                softened = wp.pow(pressed, real(-0.5) * (own.gamma + real(1.0)))
+                inv_z *= softened
+
+        rate = real(0.0)
+        evening = real(0.0)  # part of the rate from pressure differences to other phases
+        stiffness = real(0.0)  # its derivative by the own pressure, over c_i
+        plain_stiffness = real(0.0)  # what it would be among particles of the own phase
+        own_stiffness = real(0.0)  # the same of the pairs of the own phase
+        crowd = real(0.0)  # -sum F V r^2: the dimension inside a fluid, about half of it on a free surface
+        k = list_begin(i, list_width)
+        step = list_step(particle_count)
+        end = k + int(fluid_neighbours[i]) * step
+        if wp.static(spec.multiphase):
+            if near:
+                kappa_i = real(0.0)
+                w_i = real(0.0)
+                if wp.static(jumps):
+                    kappa_i = curvature[i]
+                    w_i = interface_weight[i]
+                while k < end:
+                    j = neighbour(neighbours, i, k)
+                    k += step
+                    d = separation(xi, midway[j], wrapped, params)
+                    r = wp.sqrt(wp.dot(d, d))
+                    state_j = state_old[j]
+                    f = slope(r * params.inv_h) * state_j[1]
+                    dp = p_i - state_j[0]
+                    other_phase = int(phase[j])
+                    if other_phase == own_phase:
+                        if wp.static(spec.gravity):
+                            dp -= own.density * wp.dot(params.gravity, d)
+                        term = wp.dot(vi - velocity[j], d)
+                        if wp.static(spec.dissipation):
+                            term += dp * r * inv_z
+                        if wp.static(sided):
+                            own_stiffness -= f * r
+                        rate += f * term
+                    else:
+                        other = phases[other_phase]
+                        if wp.static(spec.gravity):
+                            dp -= real(0.5) * (own.density + other.density) * wp.dot(params.gravity, d)
+                        if wp.static(jumps):
+                            sigma = tension[own_phase * phases.shape[0] + other_phase]
+                            dp -= laplace_jump(sigma, kappa_i, curvature[j], w_i, interface_weight[j])
+                        inv_r = real(1.0) / wp.max(r, real(1.0e-6) * params.h)
+                        u_i = -wp.dot(vi, d) * inv_r
+                        u_j = -wp.dot(velocity[j], d) * inv_r
+                        if wp.static(sided):
+                            # both states in the middle of the pair, each from its own side (`interface_flow`)
+                            u_i += real(0.5) * inv_r * wp.dot(velocity_gradient[i] * d, d)
+                            u_j -= real(0.5) * inv_r * wp.dot(velocity_gradient[j] * d, d)
+                        driving = params.dissipation * dp
+                        if wp.static(sided):
+                            # what drives the pressures of the two together is kept apart: it may not overshoot
+                            both = own.impedance + other.impedance
+                            evening += real(2.0) * f * r * driving / both
+                            stiffness -= real(2.0) * f * r * own.impedance / both
+                            plain_stiffness -= f * r
+                            driving = real(0.0)
+                        u_star = star_velocity(
+                            u_i, u_j, own.density, other.density, own.impedance, other.impedance, driving
+                        )
+                        rate += real(2.0) * f * (wp.dot(vi, d) + r * u_star)
+        while k < end:
+            j = neighbour(neighbours, i, k)
+            k += step
+            d = separation(xi, midway[j], wrapped, params)
+            r = wp.sqrt(wp.dot(d, d))
+            state_j = state_old[j]
+            f = slope(r * params.inv_h) * state_j[1]
+            term = wp.dot(vi - velocity[j], d)
+            if wp.static(spec.dissipation):
+                dp = p_i - state_j[0]
+                if wp.static(spec.gravity):
+                    dp -= own.density * wp.dot(params.gravity, d)
+                term += dp * r * inv_z
+            rate += f * term
+            if wp.static(spray):
+                crowd -= f * r * r
+        if wp.static(spec.walls):
+            # one-sided Riemann problem: the mirrored state makes u* the wall velocity, no pressure difference left
+            end += int(wall_neighbours[i]) * step
+            while k < end:
+                j = neighbour(neighbours, i, k)
+                k += step
+                d = separation(xi, position[j], wrapped, params)
+                r = wp.sqrt(wp.dot(d, d))
+                rate += real(2.0) * slope(r * params.inv_h) * params.wall_volume * wp.dot(vi - velocity[j], d)
+
+        if wp.static(sided):
+            # A heavy particle among light ones takes their pressure at up to twice the rate of one among its own, which is
+            # c sum |W'| V. Forward Euler bears 2 in a step: what is beyond three quarters of that, and beyond the rate that
+            # it would have among its own, is left out.
+            step_rate = real(clock[STEP]) * own.sound_speed * params.dissipation * params.g_norm * hardened
+            allowed = wp.max(real(STIFFEST) - step_rate * softened * own_stiffness, step_rate * softened * plain_stiffness)
+            if step_rate * stiffness > allowed:
+                evening = evening * (allowed / (step_rate * stiffness))
+            rate += evening
+
+        s = density_excess[i]
+        s += real(clock[STEP]) * (real(1.0) + s) * params.g_norm * rate
+        if wp.static(spray):
+            # with hardly a fluid neighbour a density below rest is memory, not tension, and would draw spray into walls
+            if crowd * params.g_norm < real(sparse):
+                s = wp.max(s, real(0.0))
+        density_excess[i] = s
+        state[i] = pair(eos(s, own.stiffness, own.gamma) + own.background, rest_volume[i] / (real(1.0) + s))
+
+    return continuity

@@ -1,0 +1,95 @@
+"""Drift of the total momentum in a periodic box, taken out (no source equation).
+
+The corrected gradient and the pressure jump conserve momentum on the whole, not pair by pair; without walls nothing else
+fixes the velocity of the box, and what is left would add up:
+    dv = (P - sum m v) / sum m,   P = P_0 + M (g + b) t
+is added to every particle. A shift of all velocities changes no difference between two of them.
+"""
+
+import functools
+from typing import Any
+
+import warp as wp
+
+from warpsph.kernels.core.clock import DRIFT_VELOCITY, FOLDS, MOMENTUM, STEP, TIME
+from warpsph.kernels.core.params import make_params, make_phase
+from warpsph.kernels.core.spec import Spec, types_of
+
+
+@functools.cache
+def make_drift(spec: Spec) -> tuple[Any, Any, Any]:
+    """Return the kernels (sum_momentum over blocks, fold_momentum over FOLDS, close_momentum on one thread).
+
+    Float64 sums in a fixed order: the result does not depend on how many threads work on it. The fourth entry of a sum is
+    the mass.
+    """
+    _, vec, _, _ = types_of(spec)
+    real = types_of(spec).real
+    Params = make_params(spec.dimension, spec.precision)
+    Phase = make_phase(spec.precision)
+    dimension = spec.dimension
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def sum_momentum(
+        first: int,
+        block_count: int,
+        fluid_count: int,
+        phases: wp.array(dtype=Phase),
+        phase: wp.array(dtype=wp.int8),
+        rest_volume: wp.array(dtype=real),
+        velocity: wp.array(dtype=vec),
+        momentum_sums: wp.array(dtype=wp.vec4d),
+    ):
+        block = wp.tid() + first
+        k = block
+        step = block_count
+        end = fluid_count
+        if wp.static(spec.row_list):
+            chunk = (fluid_count + block_count - 1) / block_count
+            k = block * chunk
+            end = wp.min(k + chunk, fluid_count)
+            step = 1
+        total = wp.vec4d()
+        while k < end:
+            own = int(0)
+            if wp.static(spec.multiphase):
+                own = int(phase[k])
+            m = wp.float64(phases[own].density) * wp.float64(rest_volume[k])
+            v = velocity[k]
+            for axis in range(wp.static(dimension)):
+                total[axis] += m * wp.float64(v[axis])
+            total[3] += m
+            k += step
+        momentum_sums[block] = total
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def fold_momentum(
+        first: int,
+        block_count: int,
+        momentum_sums: wp.array(dtype=wp.vec4d),
+        momentum_folds: wp.array(dtype=wp.vec4d),
+    ):
+        fold = wp.tid() + first
+        total = wp.vec4d()
+        k = fold
+        while k < block_count:
+            total += momentum_sums[k]
+            k += FOLDS
+        momentum_folds[fold] = total
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def close_momentum(
+        params: Params,
+        clock: wp.array(dtype=wp.float64),
+        momentum_folds: wp.array(dtype=wp.vec4d),
+    ):
+        total = wp.vec4d()
+        for fold in range(FOLDS):
+            total += momentum_folds[fold]
+        # the velocities are those of the middle of the step
+        time = clock[TIME] + wp.float64(0.5) * clock[STEP]
+        for axis in range(wp.static(dimension)):
+            drive = wp.float64(params.gravity[axis]) + wp.float64(params.body_force[axis])
+            clock[DRIFT_VELOCITY + axis] = clock[MOMENTUM + axis] + drive * time - total[axis] / total[3]
+
+    return sum_momentum, fold_momentum, close_momentum

@@ -1,0 +1,81 @@
+"""Force of the fluid on each wall particle, when a gauge asks for it.
+
+The pair force of the conservative gradient, F = V_f V_w (p_f + p_w) grad_f W, and friction, both with the opposite
+sign of what the fluid particle feels.
+"""
+
+import functools
+from typing import Any
+
+import warp as wp
+
+from warpsph.kernels.core.pair import list_access, separation_of
+from warpsph.kernels.core.params import make_params, make_phase
+from warpsph.kernels.core.smoothing import make_smoothing
+from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, types_of
+from warpsph.kernels.core.viscosity import make_viscosity
+
+
+@functools.cache
+def make_load(spec: Spec) -> Any:
+    """Return the kernel over wall particles that writes the force on each of them [N, per metre of depth in 2-D]."""
+    real, vec, _, pair = types_of(spec)
+    Params = make_params(spec.dimension, spec.precision)
+    Phase = make_phase(spec.precision)
+    _, slope = make_smoothing(spec.kernel, spec.precision)
+    separation = separation_of(spec)
+    list_begin, list_step, neighbour, Listed = list_access(spec)
+    form = spec.viscosity if spec.viscosity != "none" else "morris"
+    viscous_term = make_viscosity(form, spec.dimension, spec.precision)
+
+    @wp.kernel(module="unique", enable_backward=False, module_options=SWEEP_OPTIONS)
+    def wall_load(
+        first: int,
+        fluid_count: int,
+        particle_count: int,
+        list_width: int,
+        params: Params,
+        phases: wp.array(dtype=Phase),
+        neighbours: Listed,
+        fluid_neighbours: wp.array(dtype=wp.int16),
+        phase: wp.array(dtype=wp.int8),
+        position: wp.array(dtype=vec),
+        velocity: wp.array(dtype=vec),
+        rest_volume: wp.array(dtype=real),
+        state: wp.array(dtype=pair),
+        mirror_velocity: wp.array(dtype=vec),
+        slip: wp.array(dtype=wp.uint8),
+        wall_impact: wp.array(dtype=real),
+        load: wp.array(dtype=vec),
+    ):
+        w = wp.tid() + first
+        i = w + fluid_count
+        xi = position[i]
+        p_w = state[i][0]
+        force = vec()
+        k = list_begin(i, list_width)
+        step = list_step(particle_count)
+        end = k + int(fluid_neighbours[i]) * step
+        while k < end:
+            j = neighbour(neighbours, i, k)
+            k += step
+            d = separation(position[j], xi, True, params)  # from the wall particle to the fluid particle
+            r2 = wp.dot(d, d)
+            state_j = state[j]
+            own = int(0)
+            if wp.static(spec.multiphase):
+                # as in the momentum sweep: each fluid meets the wall with its own one-sided state
+                own = int(phase[j])
+                p_w = state_j[0]
+                if wp.static(spec.gravity):
+                    p_w -= phases[own].density * rest_volume[j] / state_j[1] * wp.dot(params.gravity, d)
+            f = slope(wp.sqrt(r2) * params.inv_h) * state_j[1] * params.wall_volume * params.g_norm
+            force += ((state_j[0] + p_w + wall_impact[j]) * f) * d
+            if wp.static(spec.wall_no_slip):
+                if slip[w] == wp.uint8(0):
+                    force -= (phases[own].viscosity * f) * viscous_term(
+                        velocity[j] - mirror_velocity[w], d, r2 + params.tiny, params.inv_h
+                    )
+        load[w] = force
+
+    return wall_load

@@ -1,0 +1,424 @@
+"""Momentum sweep: pressure from the star states, viscosity, tension, gravity, and the shift (methods A3-A7).
+
+    conservative ("plus"):  a_i = -(2/rho_i) sum_j p*_ij grad_i W V_j
+    corrected ("minus"):    a_i = -(2/rho_i) B_i sum_j (p*_ij - p_i) grad_i W V_j,  B_i = [sum_j |W'| r e(x)e V_j]^-1
+
+The corrected form balances a uniform pressure, a linear one and a Laplace jump exactly for any arrangement; it gives
+up pairwise conservation of momentum and needs the shift to keep particles apart.
+
+With it the density of a filled domain is held to the room that its particles take (no source equation):
+    d ln rho_i/dt += G:M - tr(G) tr(M)/d + b |grad v| E_i,   E_i = sum_j V_j (1 - r^2/R^2)^2 / integral - 1
+The first two take out what the moment M = -sum grad W (x) x V makes of a strain G in the continuity sweep; E_i sees what is
+left: unlike sum W V it has hardly a bias or noise taken at particles (1e-4 and 4e-3 on shifted ones at R = 3 spacings).
+
+Walls: the one-sided Riemann problem between a fluid that moves at u_n into a wall and its mirror image has
+    p*_i = p_i + Z_i max(u_n, 0)
+A fluid that is whole up to the wall makes that pressure by itself, in the continuity sweep, within the time that sound takes
+for a spacing. A particle without its own phase behind it does not: spray, or gas between a liquid and a wall. So the impact
+term counts as far as the own phase is missing (`lone`), along the normal of all wall particles in reach. Nor has such a
+particle a pressure gradient of its own that would hold it against what pushes it on: so far as it is lone and in the first
+row, the wall takes up what accelerates or shifts it into the wall. Any particle that has lost half of the place of its row
+touches the wall: each cell straight ahead takes up what drives it there, along its own axis; corners have two normals.
+"""
+
+import functools
+from typing import Any
+
+import warp as wp
+
+from warpsph.kernels.core.clock import MAXIMA, STEP
+from warpsph.kernels.core.pair import BAND, NEAR, WRAPPED, list_access, separation_of
+from warpsph.kernels.core.params import make_params, make_phase
+from warpsph.kernels.core.smoothing import make_smoothing
+from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, types_of
+from warpsph.kernels.core.viscosity import make_viscosity
+
+from .star import make_jump, make_one_sided, make_star
+
+# Gaps [spacings] at which a particle begins to touch a wall, half of the place of its row, and at which it is stopped.
+TOUCH, STOP = 0.25, 0.1
+
+
+@functools.cache
+def make_momentum(spec: Spec) -> Any:
+    """Return the momentum sweep of a `Spec`: writes acceleration, and shift with its change of density if asked."""
+    real, vec, mat, pair = types_of(spec)
+    Params = make_params(spec.dimension, spec.precision)
+    Phase = make_phase(spec.precision)
+    _, slope = make_smoothing(spec.kernel, spec.precision)
+    separation = separation_of(spec)
+    list_begin, list_step, neighbour, Listed = list_access(spec)
+    _, star_pressure = make_star(spec.precision, spec.paper_star)
+    laplace_jump = make_jump(spec.precision)
+    alone_at_wall, wall_reaction = make_one_sided(spec.dimension, spec.precision)
+    viscous = spec.viscosity != "none"
+    viscous_term = make_viscosity(spec.viscosity if viscous else "morris", spec.dimension, spec.precision)
+    periodic = any(spec.periodic)
+    jumps = spec.tension == "pressure_jump"
+    body_tension = spec.tension == "body_force"
+    dimension = float(spec.dimension)
+    sided = spec.multiphase and not spec.paper_star
+    # Share of the acoustic impact pressure Z_i Z_j/(Z_i + Z_j) (u_i - u_j): all of it is stable up to dt = 1.05 h/c alone
+    # (methods A9), and the light particle of a pair takes it twice over.
+    impact_share = 0.25
+    # How much more than its volume a particle of another phase counts for the shift. At rest nothing else holds two phases
+    # apart: pressure and jump are in balance for any arrangement, and noise would mix them (measured on a drop of density
+    # ratio 1 in a nearly inviscid fluid, 6 particles a radius: dispersed without, whole from 0.1 on). More of it opens the
+    # interface: 0.25 adds 1 % to the jump of a drop of 13 particles a radius.
+    apart = 0.1
+    smallest_moment = 0.1  # determinant below which a neighbourhood is too thin to correct
+
+    @wp.kernel(module="unique", enable_backward=False, module_options=SWEEP_OPTIONS)
+    def momentum(
+        first: int,
+        slot: int,
+        particle_count: int,
+        list_width: int,
+        params: Params,
+        phases: wp.array(dtype=Phase),
+        tension: wp.array(dtype=real),
+        clock: wp.array(dtype=wp.float64),
+        neighbours: Listed,
+        fluid_neighbours: wp.array(dtype=wp.int16),
+        wall_neighbours: wp.array(dtype=wp.int16),
+        flags: wp.array(dtype=wp.uint8),
+        phase: wp.array(dtype=wp.int8),
+        position: wp.array(dtype=vec),
+        velocity: wp.array(dtype=vec),
+        state: wp.array(dtype=pair),
+        rest_volume: wp.array(dtype=real),
+        curvature: wp.array(dtype=real),
+        interface_weight: wp.array(dtype=real),
+        normal: wp.array(dtype=vec),
+        mirror_velocity: wp.array(dtype=vec),
+        slip: wp.array(dtype=wp.uint8),
+        density_excess: wp.array(dtype=real),
+        wall_impact: wp.array(dtype=real),
+        acceleration: wp.array(dtype=vec),
+        shift: wp.array(dtype=vec),
+        carried: wp.array(dtype=vec),
+        facing: wp.array(dtype=vec),
+        velocity_gradient: wp.array(dtype=mat),
+        maxima: wp.array(dtype=real),
+    ):
+        i = wp.tid() + first
+        xi = position[i]
+        vi = velocity[i]
+        state_i = state[i]
+        p_i = state_i[0]
+        own = phases[0]
+        own_phase = int(0)
+        if wp.static(spec.multiphase):
+            own_phase = int(phase[i])
+            own = phases[own_phase]
+        wrapped = bool(False)
+        near = bool(False)
+        band = bool(False)
+        if wp.static(periodic or spec.multiphase):
+            flag = int(flags[i])
+            wrapped = (flag & WRAPPED) != 0
+            near = (flag & NEAR) != 0
+            band = (flag & BAND) != 0
+        rho_i = own.density * rest_volume[i] / state_i[1]
+
+        pressure_sum = vec()  # sum of (p*) or (p* - p_i), times 2 F V x_ij
+        own_sum = vec()  # the same over the own phase alone: its pressure gradient carries the density in a shift
+        viscous_sum = vec()
+        even = vec()  # sum of F V x_ij, zero on an even arrangement; other phases with an extra weight
+        flow = mat()  # sum of (v_j - v_i) (x) F V x_ij over the own phase: its velocity gradient
+        wall_flow = mat()  # the same over no-slip walls and the velocities mirrored in them
+        own_even = vec()  # sum of F V x_ij over the own phase
+        into_wall = vec()  # the same over walls: their normal, away from the fluid
+        gap2 = params.spacing * params.spacing  # square of the distance to the nearest wall cell [m^2]
+        face_gap = vec(params.spacing)  # clearance along each axis to the wall cell straight ahead [m]
+        face_side = vec()  # whether that cell is above (1) or below (-1)
+        face_speed = vec()  # speed of that cell along the axis [m/s]
+        touch = vec()  # share of what drives the particle along each axis that such a cell takes up
+        first_row = real(0.0)  # 1 in the first row before a wall, 0 from the second on
+        approach = real(0.0)  # sum of F V x_ij.(v_i - v_w): speed into the wall times |into_wall|
+        repulsion = vec()
+        moment = mat()
+        half_cell = vec(real(0.5) * params.spacing)
+        lone = real(0.0)
+        room = state_i[1]  # sum of (1 - r^2/R^2)^2 V, its own place included
+        fluid_count = particle_count - slip.shape[0]
+        k = list_begin(i, list_width)
+        step = list_step(particle_count)
+        end = k + int(fluid_neighbours[i]) * step
+        if wp.static(spec.multiphase):
+            if near:
+                kappa_i = real(0.0)
+                w_i = real(0.0)
+                if wp.static(jumps):
+                    kappa_i = curvature[i]
+                    w_i = interface_weight[i]
+                while k < end:
+                    j = neighbour(neighbours, i, k)
+                    k += step
+                    d = separation(xi, position[j], wrapped, params)
+                    r2 = wp.dot(d, d)
+                    state_j = state[j]
+                    f = slope(wp.sqrt(r2) * params.inv_h) * state_j[1]
+                    fd = f * d
+                    if wp.static(spec.corrected):
+                        moment -= wp.outer(d, fd)
+                    if wp.static(spec.shifting):
+                        even += fd
+                    if wp.static(spec.room):
+                        inside = wp.max(real(1.0) - r2 * params.inv_window, real(0.0))
+                        room += inside * inside * state_j[1]
+                    other_phase = int(phase[j])
+                    mu = own.viscosity
+                    if other_phase == own_phase:
+                        if wp.static(spec.walls):
+                            own_even += fd
+                        if wp.static(spec.shifting):
+                            flow += wp.outer(velocity[j] - vi, fd)
+                        if wp.static(spec.corrected):
+                            own_sum += (state_j[0] - p_i) * fd
+                        else:
+                            pressure_sum += (state_j[0] + p_i) * fd
+                            if wp.static(spec.shifting):
+                                own_sum += (state_j[0] - p_i) * fd
+                    else:
+                        if wp.static(spec.shifting):
+                            even += real(apart) * fd
+                        other = phases[other_phase]
+                        jump = real(0.0)
+                        if wp.static(jumps):
+                            sigma = tension[own_phase * phases.shape[0] + other_phase]
+                            jump = laplace_jump(sigma, kappa_i, curvature[j], w_i, interface_weight[j])
+                        p_star = star_pressure(p_i, state_j[0], own.density, other.density, jump)
+                        if wp.static(sided):
+                            # Directions that do not oppose: no common interface, one of the two is a splinter of a few
+                            # particles in the other phase, or a film of one row. Its own phase does not hold it, and the
+                            # weighted p* is all but its own pressure: without the impact term of the Riemann problem it
+                            # would fly through the other phase like a bullet.
+                            alone = wp.clamp(real(1.0) + real(2.0) * wp.dot(facing[i], facing[j]), real(0.0), real(2.0))
+                            z = own.impedance * other.impedance / (own.impedance + other.impedance)
+                            impact = wp.dot(vi - velocity[j], d) / wp.sqrt(r2 + params.tiny)
+                            p_star -= (real(impact_share) * alone) * z * impact
+                        if wp.static(spec.corrected):
+                            p_star -= p_i
+                        pressure_sum += (real(2.0) * p_star) * fd
+                        if wp.static(viscous):
+                            mu = real(2.0) * mu * other.viscosity / wp.max(mu + other.viscosity, real(1.0e-30))
+                        if wp.static(spec.interface_force):
+                            repulsion += (wp.abs(p_i) + wp.abs(state_j[0])) * fd
+                    if wp.static(viscous):
+                        viscous_sum += (mu * f) * viscous_term(vi - velocity[j], d, r2 + params.tiny, params.inv_h)
+        while k < end:
+            j = neighbour(neighbours, i, k)
+            k += step
+            d = separation(xi, position[j], wrapped, params)
+            r2 = wp.dot(d, d)
+            state_j = state[j]
+            f = slope(wp.sqrt(r2) * params.inv_h) * state_j[1]
+            fd = f * d
+            if wp.static(spec.corrected):
+                moment -= wp.outer(d, fd)
+                own_sum += (state_j[0] - p_i) * fd
+            else:
+                pressure_sum += (state_j[0] + p_i) * fd
+                if wp.static(spec.shifting):
+                    own_sum += (state_j[0] - p_i) * fd
+            if wp.static(spec.walls):
+                own_even += fd
+            if wp.static(spec.shifting):
+                even += fd
+                flow += wp.outer(velocity[j] - vi, fd)
+            if wp.static(spec.room):
+                inside = wp.max(real(1.0) - r2 * params.inv_window, real(0.0))
+                room += inside * inside * state_j[1]
+            if wp.static(viscous):
+                viscous_sum += (own.viscosity * f) * viscous_term(
+                    vi - velocity[j], d, r2 + params.tiny, params.inv_h
+                )
+        if wp.static(spec.walls):
+            end += int(wall_neighbours[i]) * step
+            while k < end:
+                j = neighbour(neighbours, i, k)
+                k += step
+                d = separation(xi, position[j], wrapped, params)
+                r2 = wp.dot(d, d)
+                f = slope(wp.sqrt(r2) * params.inv_h) * params.wall_volume
+                fd = f * d
+                into_wall += fd
+                beyond = wp.max(wp.abs(d) - half_cell, vec())
+                gap2 = wp.min(gap2, wp.dot(beyond, beyond))
+                for axis in range(wp.static(spec.dimension)):
+                    across = beyond
+                    across[axis] = real(0.0)
+                    if wp.dot(across, across) == real(0.0):
+                        # this cell is straight ahead along the axis
+                        clear = wp.abs(d[axis]) - half_cell[axis]
+                        if clear < face_gap[axis]:
+                            face_gap[axis] = clear
+                            face_side[axis] = -wp.sign(d[axis])
+                            face_speed[axis] = velocity[j][axis]
+                approach += wp.dot(vi - velocity[j], fd)
+                p_wall = state[j][0]
+                if wp.static(spec.multiphase):
+                    # the one-sided state of this particle's own fluid: extrapolated from several fluids at a contact
+                    # line, the wall would pull the light one with the weight of the heavy one
+                    p_wall = p_i
+                    if wp.static(spec.gravity):
+                        p_wall -= rho_i * wp.dot(params.gravity, d)
+                if wp.static(spec.corrected):
+                    moment -= wp.outer(d, fd)
+                    own_sum += (p_wall - p_i) * fd
+                else:
+                    p_both = p_wall + p_i
+                    if wp.static(spec.free_surface):
+                        p_both = wp.max(p_both, real(0.0))  # a wall does not hold back a fluid that leaves it
+                    pressure_sum += p_both * fd
+                    if wp.static(spec.shifting):
+                        own_sum += (p_wall - p_i) * fd
+                if wp.static(spec.shifting):
+                    even += fd
+                if wp.static(spec.room):
+                    inside = wp.max(real(1.0) - r2 * params.inv_window, real(0.0))
+                    room += inside * inside * params.wall_volume
+                if wp.static(spec.wall_no_slip):
+                    if slip[j - fluid_count] == wp.uint8(0):
+                        mirror = mirror_velocity[j - fluid_count]
+                        if wp.static(spec.shifting):
+                            wall_flow += wp.outer(mirror - vi, fd)
+                        viscous_sum += (own.viscosity * f) * viscous_term(
+                            vi - mirror, d, r2 + params.tiny, params.inv_h
+                        )
+
+        wall_push = real(0.0)
+        if wp.static(spec.walls):
+            gap = wp.sqrt(gap2) / params.spacing
+            first_row = wp.clamp(real(2.0) - real(2.0) * gap, real(0.0), real(1.0))
+            lone = alone_at_wall(into_wall, own_even, params.g_norm * params.h)
+            if lone > real(0.0) and approach > real(0.0):
+                # A gas that is pressed has the impedance rho c of the density that it has. Twice: the state in the mirror
+                # has the pressure p* too.
+                impedance = own.impedance * wp.pow(rho_i / own.density, real(0.5) * (own.gamma + real(1.0)))
+                wall_push = real(2.0) * lone * impedance * approach / wp.length(into_wall)
+                # backward Euler: however near the wall is, it stops a particle and does not throw it back
+                damping = real(2.0) * lone * impedance * wp.length(into_wall) * params.g_norm / rho_i
+                wall_push /= real(1.0) + damping * real(clock[STEP])
+
+        g_norm = params.g_norm
+        a = vec()
+        gradient = own_sum * g_norm  # of the pressure, from the own phase [Pa/m]
+        inner_shear = flow * g_norm  # velocity gradient of the fluid alone [1/s]
+        shear = inner_shear  # with what no-slip walls make of it, shear[a, b] = d v_a / d x_b [1/s]
+        if wp.static(spec.wall_no_slip and spec.shifting):
+            shear = (flow + wall_flow) * g_norm
+        if wp.static(spec.corrected):
+            total = (pressure_sum + own_sum) * g_norm
+            m = moment * g_norm
+            usable = bool(False)
+            if wp.determinant(m) > real(smallest_moment):
+                usable = bool(True)
+                inverse = wp.inverse(m)
+                total = inverse * total
+                gradient = inverse * gradient
+                if wp.static(spec.shifting):
+                    shear = shear * inverse
+                    if wp.static(spec.wall_no_slip):
+                        inner_shear = inner_shear * inverse
+                    if wp.static(spec.viscosity == "morris" or spec.viscosity == "radial"):
+                        # Both forms are exact for a quadratic field on an even arrangement: take out what an uneven one
+                        # makes of a linear field, and divide by the second moment (methods 0.2, column L).
+                        if not near:
+                            linear = shear * even
+                            if wp.static(spec.viscosity == "radial"):
+                                # exact for rotation and dilation; a strain leaves the traceless part of a third moment
+                                linear = linear + wp.transpose(shear) * even + wp.trace(shear) * even
+                            viscous_sum -= (real(2.0) * own.viscosity) * linear
+                            viscous_sum = viscous_sum * (real(dimension) / wp.trace(m))
+            a = total * (real(-1.0) / rho_i)
+        else:
+            a = pressure_sum * (-g_norm / rho_i)
+        if wp.static(viscous):
+            a += viscous_sum * (g_norm / rho_i)
+        if wp.static(spec.interface_force):
+            a -= repulsion * (params.zeta * g_norm / rho_i)
+        if wp.static(body_tension):
+            # F = sigma kappa grad(own fraction): inward where the own phase is convex. One coefficient per own phase.
+            if band:
+                a += normal[i] * (tension[own_phase * phases.shape[0] + own_phase] * curvature[i] / rho_i)
+        if wp.static(spec.gravity):
+            a += params.gravity
+        if wp.static(spec.body_force):
+            a += params.body_force
+        if wp.static(spec.central_force):
+            a -= params.pull * (xi - params.center)
+        if wp.static(spec.walls):
+            # without the correction, which would take what is missing behind the particle for an uneven arrangement
+            a -= into_wall * (wall_push * g_norm / rho_i)
+            if lone * first_row > real(0.0):
+                reaction = wall_reaction(a, into_wall, lone * first_row)
+                a += reaction
+                wall_push += rho_i * wp.length(reaction) / (wp.length(into_wall) * g_norm)
+            for axis in range(wp.static(spec.dimension)):
+                touch[axis] = wp.clamp(
+                    (real(TOUCH) - face_gap[axis] / params.spacing) / real(wp.static(TOUCH - STOP)), real(0.0), real(1.0)
+                )
+                if touch[axis] > real(0.0):
+                    side = face_side[axis]
+                    drive = wp.max(a[axis] * side, real(0.0))
+                    speed = wp.max((vi[axis] - face_speed[axis]) * side, real(0.0))
+                    damping = real(2.0) * own.sound_speed * wp.abs(into_wall[axis]) * g_norm
+                    drive += speed * damping / (real(1.0) + damping * real(clock[STEP]))
+                    a[axis] -= touch[axis] * drive * side
+                    wall_push += rho_i * touch[axis] * drive / (wp.length(into_wall) * g_norm)
+            wall_impact[i] = wall_push
+        acceleration[i] = a
+
+        if wp.static(spec.shifting):
+            # The flow disorders particles at the rate of its velocity gradient, so the shift works at that rate: a resting
+            # or a uniformly moving fluid is not stirred.
+            dt = real(clock[STEP])
+            strength = wp.sqrt(wp.ddot(shear, shear)) * dt
+            dx = even * (-params.shifting * strength * params.h * params.h * g_norm)
+            length = wp.length(dx)
+            cap = params.shift_cap * params.h
+            if length > cap:
+                dx = dx * (cap / length)
+            if wp.static(spec.walls):
+                dx += wall_reaction(dx, into_wall, lone * first_row)
+                for axis in range(wp.static(spec.dimension)):
+                    if dx[axis] * face_side[axis] > real(0.0):
+                        dx[axis] -= touch[axis] * dx[axis]
+            shift[i] = dx
+            # What the particle carries is that of its new place: dv = grad v dx, ds = dx.grad p / (rho0 c^2). The mirrored
+            # velocities take no part: the shift keeps a particle off a wall that the flow holds it against, step by step,
+            # and would pump up its velocity each time, up to 14-fold with what is mirrored far behind the wall.
+            if wp.static(spec.wall_no_slip):
+                carried[i] = inner_shear * dx
+            else:
+                carried[i] = shear * dx
+            s = density_excess[i] + wp.dot(dx, gradient) * own.compressibility
+            if wp.static(spec.room):
+                # E: how far the place that the particles take falls short of what their densities say
+                change = params.room * strength * (room * params.window_norm - real(1.0))
+                whole = usable
+                if wp.static(spec.walls):
+                    whole = whole and wall_neighbours[i] == wp.int16(0)
+                strain = shear
+                if wp.static(spec.multiphase):
+                    if near:
+                        if wp.static(sided):
+                            strain = velocity_gradient[i]
+                        else:
+                            whole = False
+                if whole:
+                    # The continuity sweep has tr(G M) instead of tr(G). A strain draws the arrangement out along itself, so
+                    # that the moment M is not isotropic in just the directions that count: the error has one sign.
+                    change += dt * (wp.ddot(strain, m) - wp.trace(strain) * wp.trace(m) / real(dimension))
+                s += (real(1.0) + s) * change
+            density_excess[i] = s
+            s2 = wp.dot(dx, dx)
+            if s2 > maxima[slot * MAXIMA + 3]:
+                wp.atomic_max(maxima, slot * MAXIMA + 3, s2)
+        a2 = wp.dot(a, a)
+        if a2 > maxima[slot * MAXIMA + 1]:
+            wp.atomic_max(maxima, slot * MAXIMA + 1, a2)
+
+    return momentum

@@ -1,0 +1,1 @@
+"""Case files: their models, checks and reading."""

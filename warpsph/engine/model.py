@@ -1,0 +1,452 @@
+"""A case brought to a device: geometry, physics, particles and stepper, with host snapshots of the state."""
+
+from __future__ import annotations
+
+import gc
+import math
+import os
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import warp as wp
+
+from warpsph.engine import memory
+from warpsph.engine.launch import Launcher
+from warpsph.engine.neighbours import default_width
+from warpsph.engine.particles import Particles
+from warpsph.engine.stepper import Stepper
+from warpsph.kernels.core import clock as ck
+from warpsph.kernels.core.leaks import LARGEST, LAST
+from warpsph.kernels.core.mirror import FREE_SLIP, NO_SLIP, NO_WALL, make_sides
+from warpsph.kernels.core.params import make_params, make_phase
+from warpsph.kernels.core.smoothing import KERNELS, window_integral
+from warpsph.kernels.core.spec import types_of
+from warpsph.scene.geometry import Geometry, build
+from warpsph.scene.packing import Packer
+from warpsph.schemes.physics import Physics, contact_matrix, derive, support_radius
+from warpsph.snapshot import Snapshot
+from warpsph.start import start_warp
+
+if TYPE_CHECKING:
+    from warpsph.case.case import Case
+
+KEPT_COUNTERS = (ck.STEPS, ck.REBUILDS, ck.STEPS_SINCE_RARE, ck.CHECKS, ck.STRAIGHT, ck.USELESS)
+RARE_WAY = 0.05  # way of the fastest particle, as share of h, after which the rare stages run again
+SHIFT_CAP = 0.01  # longest shift of a step as share of h
+
+
+def quiet_warp(device: str = "cpu") -> None:
+    """Start Warp without its banner and compile lines; a missing CUDA driver is told if the device needs one."""
+    start_warp(cuda=device.startswith("cuda"))
+
+
+def default_threads() -> int:
+    """Return the number of processors this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+class Model:
+    """The state of a run on its device.
+
+    Args:
+        case: validated case.
+        device: Warp device name, "cpu" or "cuda:0".
+        threads: threads of a CPU device (default: all processors).
+        geometry: particles of the case, if they are known already.
+        fresh: False if `load_state` follows: the start is then made no better than it takes to know the particles.
+        preparing: called while kernels are compiled or loaded, with the number of those that are ready.
+
+    Raises:
+        CapacityError: the case does not fit the memory of the device or of the machine.
+
+    Attributes:
+        physics: numbers derived from the case.
+        particles: fields on the device.
+        stepper: runs steps.
+    """
+
+    def __init__(
+        self,
+        case: Case,
+        device: str = "cpu",
+        threads: int | None = None,
+        geometry: Geometry | None = None,
+        fresh: bool = True,
+        preparing: Callable[[int], None] | None = None,
+    ) -> None:
+        quiet_warp(device)
+        self.case = case
+        self.device = wp.get_device(device)
+        self.launcher = Launcher(self.device, threads or default_threads(), preparing)
+        if geometry is None:
+            refused = memory.shortage(case, self.device)
+            if refused is not None:
+                gc.collect()  # an earlier run in this process may only wait for that
+                refused = memory.shortage(case, self.device)
+            if refused is not None:
+                raise refused
+        self.geometry = geometry if geometry is not None else build(case, support_radius(case))
+        self.physics: Physics = derive(case, self.geometry, row_list=self.launcher.is_cpu)
+        unlock = float(self.physics.choices["unlock"])
+        fitted = self.geometry.arrangement == "fitted"
+        if geometry is None and fresh and (fitted or unlock > case.start.noise):
+            arrange = Packer(self.launcher) if fitted else None
+            del self.geometry  # of millions of particles there is no room for two
+            self.geometry = build(case, self.physics.support, unlock, arrange)
+        self.particles = Particles(
+            self.physics.spec, self.geometry.fluid_count, self.geometry.wall_count, self.device
+        )
+        self._fill()
+        self.stepper = self._make_stepper()
+        self._leak_tasks = self.stepper.list.leak_tasks("position")
+
+    # start ---------------------------------------------------------------------------------------------------------
+
+    def _fill(self) -> None:
+        """Put the start values into the fields."""
+        geometry, particles, case = self.geometry, self.particles, self.case
+        nf = particles.fluid_count
+        particles.put("anchor", geometry.position)
+        particles.put("position", geometry.position)
+        velocity = np.where((geometry.kind == 1)[:, None], geometry.boundary_velocity, geometry.velocity)
+        particles.put("velocity", velocity)
+        particles.put("particle_id", np.arange(geometry.count))
+        phases = [case.phases[name] for name in case.phase_names]
+        phase = geometry.phase[:nf]
+        # density that goes with the start pressure: s = (p/B + 1)^(1/gamma) - 1; the particle fills its lattice cell
+        stiffness = np.array([p.density * c**2 / p.gamma for p, c in zip(phases, self.physics.sound_speed, strict=True)])
+        gamma = np.array([p.gamma for p in phases])
+        excess = np.expm1(np.log1p(np.maximum(geometry.pressure[:nf] / stiffness[phase], -0.9)) / gamma[phase])
+        if self.physics.spec.scheme == "isph":
+            excess[:] = 0.0  # incompressible
+        particles.put("density_excess", excess)
+        particles.put("rest_volume", geometry.volume[:nf] * (1.0 + excess))
+        if "velocity_old" in particles.arrays:
+            particles.put("velocity_old", velocity[:nf])
+            particles.put("pressure", geometry.pressure[:nf])
+            state = np.zeros((geometry.count, 2))
+            state[:, 1] = geometry.volume
+            state[:nf, 0] = geometry.pressure[:nf]
+            particles.put("state", state)
+        if "phase" in particles.arrays:
+            particles.put("phase", phase)
+        if "wall_body" in particles.arrays:
+            particles.put("wall_body", geometry.body[nf:])
+        if "wall_depth" in particles.arrays:
+            lattice, wall = geometry.lattice, geometry.position[nf:]
+            beyond = np.maximum(np.maximum(np.array(lattice.lower) - wall, wall - np.array(lattice.upper)), 0.0)
+            particles.put("wall_depth", np.linalg.norm(beyond, axis=1))
+        if "slip" in particles.arrays:
+            particles.put("slip", geometry.wall_slip[nf:])
+
+    def _make_stepper(self) -> Stepper:
+        case, physics, spec, geometry = self.case, self.physics, self.physics.spec, self.geometry
+        real, vec, _, _ = types_of(spec)
+        kernel = KERNELS[spec.kernel]
+        d, h = spec.dimension, physics.h
+        alpha = kernel.alpha[d - 1]
+        lower, upper = geometry.lattice.lower, geometry.lattice.upper
+        box = [u - low if p else 0.0 for low, u, p in zip(lower, upper, spec.periodic, strict=True)]
+        params = make_params(d, spec.precision)()
+        params.h = h
+        params.inv_window = 1.0 / physics.support**2
+        params.window_norm = 1.0 / window_integral(d, physics.support)
+        if spec.room:
+            params.room = float(physics.choices["room_rate"])
+        params.inv_h = 1.0 / h
+        params.g_norm = alpha / h ** (d + 2)
+        params.spacing = case.spacing
+        params.wall_volume = geometry.lattice.cell_volume
+        params.box = vec(*box)
+        # an axis without period never wraps: its half period is out of reach
+        params.half_box = vec(*(0.5 * b if b > 0 else 1.0e30 for b in box))
+        params.gravity = vec(*map(float, case.gravity))
+        params.body_force = vec(*map(float, case.body_force))
+        params.dissipation = float(physics.choices.get("velocity_dissipation", 0.0))
+        params.shifting = float(physics.choices["shifting"])
+        params.shift_cap = SHIFT_CAP
+        params.zeta = float(physics.choices.get("interface_force", 0.0))
+        params.tiny = (1.0e-6 * h) ** 2
+        params.center = vec(*map(float, case.central_force.center if case.central_force else [0.0] * d))
+        params.pull = case.central_force.rate ** 2 if case.central_force else 0.0
+        Phase = make_phase(spec.precision)
+        rows = []
+        for name, c in zip(case.phase_names, physics.sound_speed, strict=True):
+            given = case.phases[name]
+            row = Phase()
+            row.density = given.density
+            row.sound_speed = c
+            row.gamma = given.gamma
+            row.stiffness = given.density * c**2 / given.gamma
+            row.background = given.background_pressure
+            row.viscosity = given.viscosity
+            row.impedance = given.density * c
+            row.compressibility = 1.0 / (given.density * c**2)
+            row.most_excess = physics.most_excess(given.gamma, given.density, c)
+            row.mobility = float(physics.choices.get("velocity_dissipation", 0.0)) / (given.density * c)
+            rows.append(row)
+        values: dict[str, Any] = {
+            "params": params,
+            "sides": self._sides(),
+            "phases": wp.array(rows, dtype=Phase, device=self.device),
+            "tension": wp.array(physics.tension.ravel(), dtype=real, device=self.device),
+            "phase_count": len(case.phases),
+            # with an open side fluid may come to lie beyond a wall over its rim, else nowhere
+            "wall_thickness": real(physics.support if case.has_open_sides else 1.0e30),
+            **self._solid_cells(),
+            "contact_angles": wp.array(contact_matrix(case).ravel(), dtype=real, device=self.device),
+        }
+        skin = float(physics.choices["skin"])
+        width = case.numerics.neighbour_capacity
+        if width == "auto":
+            width = default_width(spec, physics.support, case.spacing, skin)
+        margin = physics.support if geometry.wall_count else 0.0
+        open_room = 4 * physics.support if case.has_open_sides else 0.0
+        room = [0.0 if p else margin + open_room for p in spec.periodic]
+        clock = np.zeros(ck.CLOCK_SIZE)
+        clock[ck.STEP_CAP] = min(physics.step_cap.values(), default=math.inf)
+        clock[ck.COURANT] = float(physics.choices["courant"]) * h
+        clock[ck.SOUND] = max(physics.sound_speed)
+        clock[ck.FORCE] = 0.25 * math.sqrt(h)
+        clock[ck.SKIN] = skin * physics.support
+        clock[ck.FARTHEST] = 0.25 * (1.0 + skin) * physics.support
+        clock[ck.CHECK_LASTS] = -1.0
+        clock[ck.BOX_VOLUME] = float(geometry.volume[: geometry.fluid_count].sum())
+        clock[ck.RUNAWAY] = physics.runaway
+        clock[ck.RARE_LIMIT] = RARE_WAY * h
+        clock[ck.RARE_CAP] = physics.step_cap.get("surface tension", math.inf)
+        clock[ck.MOMENTUM : ck.MOMENTUM + d] = self._mean_velocity()
+        counters = np.zeros(ck.COUNTERS_SIZE, dtype=np.int32)
+        counters[ck.FAULT_PARTICLE] = ck.NO_PARTICLE
+        neighbour_list = {
+            "lower": [low - r for low, r in zip(lower, room, strict=True)],
+            "upper": [u + r for u, r in zip(upper, room, strict=True)],
+            "periodic": spec.periodic,
+            "support": physics.support,
+            "skin": skin,
+            "width": int(width),
+        }
+        if spec.scheme == "riemann":
+            return Stepper(spec, self.particles, self.launcher, values, neighbour_list, clock, counters)
+        from warpsph.engine.projection_stepper import ProjectionStepper
+        from warpsph.schemes import incompressible
+
+        choices = physics.choices
+        params.shift_cap = incompressible.SHIFT_CAP
+        params.feedback = float(choices["volume_feedback"])
+        params.filter = float(choices["surface_filter"])
+        first_row, second_row = incompressible.row_shares(spec, physics.h / case.spacing)
+        clock[ck.SOUND] = 0.0
+        if spec.implicit_viscosity:
+            clock[ck.VISCOUS_STEP], clock[ck.CHANGE] = physics.viscous_step, incompressible.CHANGE
+        clock[ck.SKIN] = clock[ck.FARTHEST] = 1.0e30  # the list is made anew in every step
+        values.update(
+            deferred=float(bool(choices["deferred_correction"])),
+            relaxed=int(bool(choices["relaxed_divergence"])),
+            surface_depth=float(choices["surface_offset"]) * case.spacing,
+            first_row=first_row,
+            second_row=second_row,
+        )
+        solver = {
+            "method": choices["solver"],
+            "preconditioner": choices["preconditioner"],
+            "tolerance": choices["tolerance"],
+            "maximum_iterations": choices["maximum_iterations"],
+            "lower": lower,
+            "upper": upper,
+            "spacing": case.spacing,
+        }
+        return ProjectionStepper(
+            spec, self.particles, self.launcher, values, neighbour_list, clock, counters, solver=solver
+        )
+
+    def _sides(self) -> Any:
+        """Return where the mirrors of the domain's sides stand."""
+        spec, case, lattice = self.physics.spec, self.case, self.geometry.lattice
+        vec = types_of(spec).vec
+        sides = make_sides(spec.dimension, spec.precision)()
+        sides.lower, sides.upper = vec(*map(float, lattice.lower)), vec(*map(float, lattice.upper))
+        kinds, speeds = [], []
+        for axis in case.sides:
+            for side in (axis.lower, axis.upper):
+                wall = side.kind == "wall"
+                kinds.append((FREE_SLIP if side.wall == "free_slip" else NO_SLIP) if wall else NO_WALL)
+                speeds.append(list(side.velocity) if wall and side.velocity else [0.0] * spec.dimension)
+        sides.kind = wp.array(kinds, dtype=int, device=self.device)
+        sides.velocity = wp.array(np.array(speeds), dtype=vec, device=self.device)
+        self._kept_sides = sides  # the arrays in it live as long as this
+        return sides
+
+    def _solid_cells(self) -> dict[str, Any]:
+        """Return which cells of the domain a body fills, by kernel argument; no cells if there is no body."""
+        lattice = self.geometry.lattice
+        walls = self.geometry.position[self.geometry.kind == 1]
+        index = np.floor((walls - np.array(lattice.lower)) / np.array(lattice.spacing)).astype(int)
+        inside = ((index >= 0) & (index < np.array(lattice.count))).all(axis=1)
+        cells = np.zeros(lattice.count if inside.any() else 0, dtype=np.uint8)
+        if inside.any():
+            cells[tuple(index[inside].T)] = 1
+        return {
+            "solid_cells": wp.array(cells.ravel(), dtype=wp.uint8, device=self.device),
+            "solid_shape": wp.vec3i(*([*lattice.count, 1, 1])[:3]),
+        }
+
+    def leaks(self) -> tuple[dict[str, int], dict[str, int]]:
+        """Return (most, now): fluid particles beyond a wall of the domain or inside a body, by phase.
+
+        `most` is the largest number that a build of the neighbour list has found so far, or the present one.
+        """
+        for task in self._leak_tasks:
+            task.run()
+        counts = self.stepper.bindings["leak_counts"].numpy().reshape(-1, 2)
+        names = self.case.phase_names
+        return (
+            {name: int(counts[k, LARGEST]) for k, name in enumerate(names)},
+            {name: int(counts[k, LAST]) for k, name in enumerate(names)},
+        )
+
+    def most_excess(self, row: int) -> float:
+        """Return the density excess beyond which the particle in that row of the fields has diverged [-]."""
+        index = int(self.particles.get("phase")[row]) if self.physics.spec.multiphase else 0
+        given = self.case.phases[self.case.phase_names[index]]
+        return self.physics.most_excess(given.gamma, given.density, self.physics.sound_speed[index])
+
+    def _mean_velocity(self) -> np.ndarray:
+        """Return the velocity of the centre of mass of the fluid, (d,) [m/s]."""
+        particles, nf = self.particles, self.particles.fluid_count
+        densities = np.array([phase.density for phase in self.case.phases.values()])
+        mass = densities[self.geometry.phase[:nf]] * particles.get("rest_volume").astype(np.float64)
+        momentum = mass @ particles.get("velocity")[:nf].astype(np.float64)
+        return np.asarray(momentum / mass.sum())
+
+    # state ---------------------------------------------------------------------------------------------------------
+
+    @property
+    def time(self) -> float:
+        """Simulated time [s]."""
+        return float(self.stepper.read()[0][ck.TIME])
+
+    @property
+    def steps(self) -> int:
+        """Steps done."""
+        return int(self.stepper.read()[1][ck.STEPS])
+
+    def snapshot(self) -> Snapshot:
+        """Return a host copy of the state, rows in the order of the particle ids, velocity at the time of the positions."""
+        clock, counters = (np.array(a) for a in self.stepper.read())
+        get, nf, n = self.particles.get, self.particles.fluid_count, self.particles.count
+        case, spec = self.case, self.physics.spec
+        position = get("anchor").astype(np.float64)
+        position[:nf] += get("offset")
+        velocity = get("velocity").astype(np.float64)
+        acceleration = np.zeros_like(velocity)
+        acceleration[:nf] = get("acceleration")
+        if spec.scheme == "riemann":  # leapfrog: half a step behind the position
+            velocity[:nf] += 0.5 * clock[ck.LAST_STEP] * acceleration[:nf]
+        phase = np.full(n, -1, dtype=np.int32)
+        phase[:nf] = get("phase") if spec.multiphase else 0
+        rho0 = np.array([case.phases[name].density for name in case.phase_names])
+        state = get("state").astype(np.float64)
+        density = np.full(n, float(rho0[0]))
+        density[:nf] = rho0[phase[:nf]] * (1.0 + get("density_excess").astype(np.float64))
+        volume = np.full(n, self.geometry.lattice.cell_volume)
+        mass = density * volume
+        mass[:nf] = rho0[phase[:nf]] * get("rest_volume")
+        volume[:nf] = mass[:nf] / density[:nf]
+        kind = np.zeros(n, dtype=np.uint8)
+        kind[nf:] = 1
+        ids = get("particle_id")
+        order = np.argsort(ids, kind="stable")
+        normal = curvature = None
+        if spec.tension != "none":
+            normal = np.zeros_like(velocity)
+            normal[:nf] = get("normal")
+            curvature = np.zeros(n)
+            curvature[:nf] = get("curvature")
+        return Snapshot(
+            time=float(clock[ck.TIME]),
+            step=int(counters[ck.STEPS]),
+            dt=float(clock[ck.LAST_STEP]),
+            dimension=spec.dimension,
+            position=position[order],
+            velocity=velocity[order],
+            density=density[order],
+            pressure=state[order, 0],
+            mass=mass[order],
+            volume=volume[order],
+            phase=phase[order],
+            particle_id=ids[order].astype(np.int64),
+            kind=kind[order],
+            particle_spacing=case.spacing,
+            normal=None if normal is None else normal[order],
+            curvature=None if curvature is None else curvature[order],
+            acceleration=acceleration[order],
+        )
+
+    def interface_length(self) -> float:
+        """Return the length (3-D: area) of all interfaces: the volume integral of |grad C| [m^(d-1)]."""
+        for task in self.stepper.geometry_tasks:
+            task.run()
+        nf = self.particles.fluid_count
+        normal = self.particles.get("normal").astype(np.float64)
+        volume = self.particles.get("state")[:nf, 1].astype(np.float64)
+        return float((np.linalg.norm(normal, axis=1) * volume).sum())
+
+    def wall_forces(self) -> dict[str, float]:
+        """Return the force of the fluid on the walls: `wall_force_x <body>` -> N (2-D: per metre of depth).
+
+        The sides of the domain count as one body, `domain`; every obstacle is one of its own.
+        """
+        load = self.stepper.wall_load().astype(np.float64)
+        body = self.particles.get("wall_body")
+        sides = {f"{axis}_{end}" for axis in "xyz" for end in ("lower", "upper")}
+        names = [("domain" if name in sides else name) for name in self.geometry.body_names]
+        forces: dict[str, float] = {}
+        for name in dict.fromkeys(["domain", *names]):
+            rows = np.isin(body, [k + 1 for k, other in enumerate(names) if other == name])
+            total = load[rows].sum(axis=0)
+            for axis, value in zip("xyz", total, strict=False):
+                forces[f"wall_force_{axis} {name}"] = float(value)
+        return forces
+
+    def save_state(self) -> dict[str, np.ndarray]:
+        """Return everything a restart needs, by name."""
+        clock, counters = self.stepper.read()
+        return {
+            **self.particles.kept(),
+            "clock": np.array(clock),
+            "counters": np.array(counters),
+            "maxima": self.stepper.maxima.numpy().reshape(-1, ck.MAXIMA).max(axis=0),
+            "leak_counts": self.stepper.bindings["leak_counts"].numpy(),
+        }
+
+    def load_state(self, state: dict[str, np.ndarray]) -> None:
+        """Continue from a saved state of the same case, bit by bit.
+
+        Raises:
+            ValueError: the state does not fit the particles of this case.
+        """
+        for name, field in self.particles.fields.items():
+            if field.kept:
+                if name not in state:
+                    raise ValueError(f"the saved state has no field {name}")
+                self.particles.put(name, state[name])
+        self.stepper.maxima.assign(np.tile(state["maxima"], self.launcher.threads))
+        if "leak_counts" in state:  # checkpoints from before did not count
+            self.stepper.bindings["leak_counts"].assign(state["leak_counts"])
+        clock = np.array(self.stepper.read()[0])
+        saved = state["clock"]
+        for index in (
+            ck.TIME, ck.STEP, ck.LAST_STEP, ck.EXCESS_PRESSURE, ck.BOX_VOLUME, ck.SPEED, ck.ACCELERATION, ck.OFFSET,
+            ck.SHIFT, ck.CHECKED, ck.CHECK_TIME, ck.CHECK_LASTS, ck.DRIFT, ck.DRIFT_SPEED,
+            *range(ck.MOMENTUM, ck.MOMENTUM + 3), *range(ck.DRIFT_VELOCITY, ck.DRIFT_VELOCITY + 3),
+            ck.SINCE_RARE, ck.RARE_WAY,
+        ):  # fmt: skip
+            clock[index] = saved[index]
+        self.stepper.write(
+            clock=dict(enumerate(clock)),
+            counters={k: int(state["counters"][k]) for k in KEPT_COUNTERS},
+        )

@@ -1,0 +1,1 @@
+"""What a run measures: gauges, probes, contours, interface areas."""

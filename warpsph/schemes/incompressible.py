@@ -1,0 +1,179 @@
+"""Numbers of a run with projection ISPH: what `auto` comes to, the structure, the limits of the time step."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from warpsph.kernels.core.smoothing import KERNELS, make_smoothing
+from warpsph.kernels.core.spec import Spec
+
+if TYPE_CHECKING:
+    from warpsph.case.case import Case
+    from warpsph.scene.geometry import Geometry
+    from warpsph.schemes.physics import Physics
+
+COURANT = 0.4  # time step over h / largest speed; 0.25 is no more accurate
+SHIFT_CAP = 0.05  # longest shift of a step as share of h
+# Explicit BDF2 with an extrapolated viscous term bears a third less than forward Euler.
+EXTRAPOLATED = 2.0 / 3.0
+# Implicit viscosity: change of the velocity in a step over the largest speed. The error in time goes with its square:
+# vortices that decay to a tenth are 0.02 % off at 0.025, 0.11 % at 0.05, 0.5 % at 0.1, beside 1.2 % in space at 50 x 50.
+CHANGE = 0.05
+# Longest step without friction over that of explicit friction from which on implicit friction pays: both take the same time
+# at a ratio of 1.6, implicit friction 0.4 of it at 3.2 (scripts/isph_viscosity.py).
+WORTH = 2.0
+
+
+def row_shares(spec: Spec, ratio: float) -> tuple[float, float]:
+    """Return sum V (x_j - x_i).grad_i W / d of the first and the second row below a flat surface, on a lattice.
+
+    Args:
+        spec: kernel and dimension.
+        ratio: smoothing length over spacing.
+    """
+    import itertools
+
+    import warp as wp
+
+    from warpsph.start import start_warp
+
+    start_warp()
+    kernel = KERNELS[spec.kernel]
+    _, slope = make_smoothing(spec.kernel, "float64")
+    reach = math.ceil(kernel.support * ratio)
+    points = np.array(list(itertools.product(range(-reach, reach + 1), repeat=spec.dimension)), dtype=float)
+    q = np.linalg.norm(points, axis=1) / ratio
+    near = (q > 0.0) & (q < kernel.support)
+    terms = np.array([float(slope(wp.float64(value))) * value**2 for value in q[near]])
+    height = points[near, -1]
+    scale = -kernel.alpha[spec.dimension - 1] / (ratio**spec.dimension * spec.dimension)
+    first, second = (scale * float(terms[height < above].sum()) for above in (0.5, 1.5))
+    return first, second
+
+
+def expected_step(case: Case, physics: Physics) -> float:
+    """Return the time step to expect [s], before the flow is known; implicit viscosity: that of the slowest shear flow."""
+    step = physics.estimated_step()
+    if physics.viscous_step > 0:
+        phase = case.phases[case.phase_names[0]]
+        decay = physics.scales["length"] ** 2 * phase.density / (math.pi**2 * phase.viscosity)
+        step = min(step, max(CHANGE * decay, physics.viscous_step))
+    return step
+
+
+def derive(case: Case, geometry: Geometry, row_list: bool) -> Physics:
+    """Return the physics of an ISPH case whose particles are known; see `physics.derive`."""
+    from warpsph.schemes.physics import (
+        VISCOUS_LIMIT,
+        Physics,
+        check_periods,
+        flow_scales,
+        has_room,
+        smoothing_ratio,
+    )
+
+    numerics = case.numerics
+    paper = numerics.formulation == "paper"
+    filled = not has_room(case, geometry)
+    gravity = np.asarray(case.gravity, dtype=float)
+    body = np.asarray(case.body_force, dtype=float)
+    phase = case.phases[case.phase_names[0]]
+    choices: dict[str, Any] = {}
+    reasons: dict[str, str] = {}
+
+    def choose(key: str, automatic: Any, reason: str) -> Any:
+        given = getattr(numerics, key)
+        choices[key] = automatic if given == "auto" else given
+        if given == "auto":
+            reasons[key] = "printed form" if paper else reason
+        return choices[key]
+
+    gradient = choose("pressure_gradient", "conservative" if paper else "corrected", "exact for a linear pressure")
+    form = choose("viscosity_form", "morris" if paper or filled else "radial", "right damping at a free surface")
+    choose("smoothing_ratio", smoothing_ratio(case), "least noise")
+    shifting = choose("shifting", 16.0, "keeps the particles evenly spaced")
+    choose("unlock", 0.0, "not needed")
+    order = choose("time_order", 1 if paper else 2, "BDF2: energy of a stretching drop within 0.5 % instead of 1 %")
+    choose("relaxed_divergence", not paper, "pressure without impulses where the surface changes")
+    choose("deferred_correction", not paper, "pressure equation exact for a linear pressure on any arrangement")
+    choose("surface_offset", 0.0 if paper else 0.5, "the surface is half a spacing outside of its particles")
+    choose("volume_feedback", 0.0 if paper else 0.1, "keeps the volume in long runs")
+    choose("surface_filter", 0.0 if paper else 1.0, "keeps a free surface smooth")
+    choose("courant", COURANT, "0.4 of a smoothing length a step")
+    choose("solver", "cg", "the matrix is symmetric")
+    choose("preconditioner", "multigrid", "its iterations do not grow with the scene")
+    choose("skin", 0.001, "the list is made anew in every step")
+    choices["kernel"] = numerics.kernel
+    choices["maximum_step"] = numerics.maximum_step
+    choices["tolerance"] = numerics.tolerance
+    choices["maximum_iterations"] = numerics.maximum_iterations
+
+    h = float(choices["smoothing_ratio"]) * case.spacing
+    support = h * KERNELS[numerics.kernel].support
+    viscous = phase.viscosity > 0
+    scales, _ = flow_scales(case, geometry, np.zeros((1, 1)), filled)
+    obstacles = geometry.wall_count > 0
+    viscosity = str(form) if viscous else "none"
+    cap: dict[str, float] = {}
+    force = float(np.linalg.norm(gravity + body))
+    if force > 0:
+        cap["gravity"] = 0.25 * math.sqrt(h / force)
+    if numerics.maximum_step is not None:
+        cap["maximum_step"] = float(numerics.maximum_step)
+    explicit = math.inf
+    if viscous:
+        limit = VISCOUS_LIMIT[viscosity] * (EXTRAPOLATED if int(order) == 2 else 1.0)
+        explicit = limit * h * h * phase.density / phase.viscosity
+    velocity = scales["velocity"]
+    longest = min(float(choices["courant"]) * h / velocity if velocity > 0 else math.inf, *cap.values(), case.end_time)
+    reason = "no friction"
+    if viscous:
+        reason = f"explicit friction allows steps of {explicit:.3g} s, all else of {longest:.3g} s"
+    implicit = choose("implicit_viscosity", viscous and not paper and WORTH * explicit < longest, reason)
+    implicit = viscous and bool(implicit)
+    if viscous and not implicit:
+        cap["viscosity"] = explicit
+    spec = Spec(
+        dimension=case.dimension,
+        precision=case.precision,
+        kernel=numerics.kernel,
+        periodic=tuple(case.periodic),
+        walls=obstacles,
+        wall_no_slip=viscous and bool((geometry.wall_slip[geometry.kind == 1] == 0).any()),
+        viscosity=viscosity,
+        corrected=gradient == "corrected",
+        gravity=bool(np.any(gravity != 0)),
+        body_force=bool(np.any(body != 0)),
+        central_force=case.central_force is not None,
+        shifting=float(shifting) > 0 or not filled,  # collisions at a free surface come with it
+        free_surface=not filled,
+        scheme="isph",
+        mirror=any("wall" in (axis.lower.kind, axis.upper.kind) for axis in case.sides),
+        second_order=int(order) == 2,
+        implicit_viscosity=implicit,
+        row_list=row_list,
+    )
+    check_periods(case, geometry, support * (1.0 + float(choices["skin"])))
+    # of use to gauges alone, which ask for the energy of compression: there is none
+    sound = 10.0 * max(scales["velocity"], 1e-30)
+    warnings = []
+    if phase.sound_speed != "auto":
+        warnings.append(f"phases.{case.phase_names[0]}.sound_speed: has no meaning for scheme: isph")
+    return Physics(
+        spec=spec,
+        choices=choices,
+        reasons=reasons,
+        h=h,
+        support=support,
+        sound_speed=(sound,),
+        scales=scales,
+        tension=np.zeros((1, 1)),
+        step_cap=cap,
+        runaway=100.0 * scales["velocity"] if scales["velocity"] > 0 else math.inf,
+        warnings=tuple(warnings),
+        densities=(phase.density,),
+        viscous_step=explicit if implicit else 0.0,
+    )
