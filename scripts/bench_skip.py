@@ -28,7 +28,7 @@ import numpy as np
 import warp as wp
 
 from warpsph.case.case import Case
-from warpsph.engine.model import Model, quiet_warp
+from warpsph.run.model import Model, quiet_warp
 from warpsph.kernels.core import clock as ck
 from warpsph.kernels.core.spec import SWEEP_OPTIONS
 

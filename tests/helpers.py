@@ -7,7 +7,7 @@ import numpy as np
 import warp as wp
 
 from warpsph.engine.launch import Bindings, Launcher
-from warpsph.engine.model import quiet_warp
+from warpsph.run.model import quiet_warp
 from warpsph.engine.neighbours import NeighbourList, default_width
 from warpsph.engine.particles import Particles
 from warpsph.engine.stepper import Stepper

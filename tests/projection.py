@@ -12,7 +12,7 @@ from warpsph.kernels.core.smoothing import KERNELS
 from warpsph.kernels.core.spec import Spec, types_of
 from warpsph.kernels.isph import surface as sf
 from warpsph.schemes import isph
-from warpsph.schemes.incompressible import row_shares
+from warpsph.schemes.isph_physics import row_shares
 from warpsph.solvers.linear_solver import EllMatrix, LinearSolver
 
 INSIDE, SURFACE, ISOLATED = sf.INSIDE, sf.SURFACE, sf.ISOLATED

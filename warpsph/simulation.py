@@ -32,7 +32,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from warpsph.engine import memory
+from warpsph.run import memory
 from warpsph.errors import (
     CaseError,
     DivergenceError,
@@ -48,13 +48,13 @@ from warpsph.files.output import RunFolder, Schedule, Writer
 from warpsph.measure.gauges import GaugeSet, PhaseEos
 from warpsph.measure.probes import sample
 from warpsph.scene.geometry import build
-from warpsph.schemes.physics import Physics, derive, support_radius
+from warpsph.scene.physics import Physics, derive, support_radius
 from warpsph.snapshot import Snapshot
 from warpsph.study.comparison import compare, format_comparison
 
 if TYPE_CHECKING:
     from warpsph.case.case import Case
-    from warpsph.engine.model import Model
+    from warpsph.run.model import Model
 
     CaseLike = Case | Path | str | Mapping[str, Any]
 
@@ -122,7 +122,7 @@ class Simulation:
         preparing: Callable[[int], None] | None = None,
     ) -> None:
         from warpsph.case.case_file import as_case
-        from warpsph.engine.model import Model, quiet_warp
+        from warpsph.run.model import Model, quiet_warp
 
         begin = time.perf_counter()
         self._wall_time = _checked_wall_time(wall_time)
@@ -539,10 +539,7 @@ class Simulation:
         last = model.snapshot() if status == "finished" else None
         frames = None if self.folder is None else self.folder.path
         results = compare(self.case, None, gauges=self._gauges, snapshot=last, end_time=model.time, frames=frames)
-        stages: dict[str, float] = {}
-        for task in [*model.stepper.step_tasks, *model.stepper.list.tasks, *model.stepper.list.check_tasks]:
-            label = task.name if task in model.stepper.step_tasks else f"list: {task.name}"
-            stages[label] = stages.get(label, 0.0) + task.seconds
+        stages = model.stepper.timings()
         from warpsph import __version__
         from warpsph.kernels.core import clock as ck
 
@@ -601,9 +598,10 @@ class Simulation:
 
     def _solves(self) -> dict[str, Any]:
         """Return the sums over the pressure solves of an ISPH run for the summary; warn of those that failed."""
-        totals = self.model.stepper.solves()
-        if totals is None:
+        systems = self.model.stepper.systems
+        if systems is None:
             return {}
+        totals = systems.report()
         texts = []
         if totals["failures"]:
             texts.append(
@@ -716,9 +714,8 @@ def describe(case: CaseLike) -> dict[str, Any]:
     Raises:
         CapacityError: the particles do not fit the memory of this machine.
     """
-    from warpsph import schemes
     from warpsph.case.case_file import as_case
-    from warpsph.kernels.core.fields import fields_of
+    from warpsph.engine.program import lines
 
     case = as_case(case)
     refused = memory.shortage(case)
@@ -743,11 +740,13 @@ def describe(case: CaseLike) -> dict[str, Any]:
             "support radius": f"{physics.support:.6g} m",
             "start arrangement": f"{geometry.arrangement}: {geometry.arrangement_reason}",
             "step limits": {name: f"{value:.4g} s" for name, value in physics.step_cap.items()},
-            "fields": [field.name for field in fields_of(spec)],
+            "fields": [field.name for field in case.scheme.fields() if field.exists(spec)],
         },
         "reasons": {**physics.reasons, "start.arrangement": geometry.arrangement_reason},
-        "stages": [{"name": stage.name, "reason": stage.reason} for stage in schemes.of(spec).step(spec)],
-        "absent": [{"name": row.name, "reason": row.reason} for row in schemes.of(spec).absent(spec)],
+        "stages": [
+            {"name": name, "reason": reason, "depth": depth} for depth, name, reason in lines(case.scheme.program(spec).step)
+        ],
+        "absent": [{"name": row.name, "reason": row.reason} for row in case.scheme.absent(spec)],
         "warnings": [*geometry.warnings, *physics.warnings],
     }
 
@@ -785,10 +784,6 @@ def estimate(case: CaseLike) -> dict[str, Any]:
             f"a device with {taken / 1e9:.3g} GB, or a larger particle_spacing"
         )
     dt = physics.estimated_step()
-    if spec.scheme == "isph":
-        from warpsph.schemes import incompressible
-
-        dt = incompressible.expected_step(case, physics)
     steps = math.ceil(case.end_time / dt)
     return {
         "particles": fluid,
@@ -895,7 +890,7 @@ def _check_fit(model: Model, state: Mapping[str, np.ndarray], attributes: Mappin
 
 
 def _machine() -> dict[str, Any]:
-    from warpsph.engine.model import default_threads
+    from warpsph.run.model import default_threads
 
     return {
         "system": platform.platform(),

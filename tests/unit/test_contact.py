@@ -15,7 +15,7 @@ from warpsph.errors import CaseError
 from warpsph.kernels.core.spec import Spec, types
 from warpsph.kernels.riemann.contact import make_wall_normal
 from warpsph.schemes import riemann
-from warpsph.schemes.physics import contact_matrix
+from warpsph.scene.physics import contact_matrix
 from warpsph.simulation import describe
 
 SPEC = Spec(

@@ -21,8 +21,9 @@ from warpsph.kernels.core import clock as ck
 from warpsph.kernels.core.mirror import FREE_SLIP, NO_SLIP, NO_WALL
 from warpsph.kernels.isph.diffusion import STABILISER, component_wise
 from warpsph.scene.geometry import build
-from warpsph.schemes import incompressible, physics
-from warpsph.schemes.physics import derive, support_radius
+from warpsph.scene import physics
+from warpsph.schemes import isph_physics as incompressible
+from warpsph.scene.physics import derive, support_radius
 from warpsph.simulation import describe, estimate
 
 CASES = Path(__file__).resolve().parents[2] / "cases"

@@ -8,7 +8,7 @@ import pytest
 
 from tests.scenes import FULL, LEAN, PERIODIC, case_of
 from warpsph.engine import launch
-from warpsph.engine.model import Model
+from warpsph.run.model import Model
 from warpsph.kernels.core import clock as ck
 from warpsph.schemes import riemann
 from warpsph.simulation import describe
@@ -100,7 +100,7 @@ def test_momentum_is_kept(changes, share, device):
 
 def test_without_the_stage_it_drifts(device, monkeypatch):
     """The scene of the tests above has a drift to take out."""
-    monkeypatch.setattr("warpsph.engine.model.derive", without_constraint(monkeypatch))
+    monkeypatch.setattr("warpsph.run.model.derive", without_constraint(monkeypatch))
     model = Model(case_of(BOX), device=device, threads=1)
     model.stepper.prepare(fresh=True)
     errors, scales = follow(model, 300)
@@ -109,7 +109,7 @@ def test_without_the_stage_it_drifts(device, monkeypatch):
 
 def without_constraint(monkeypatch):
     """Return `derive` with the momentum left to itself."""
-    from warpsph.schemes.physics import derive
+    from warpsph.scene.physics import derive
 
     def changed(*arguments, **keywords):
         physics = derive(*arguments, **keywords)

@@ -15,11 +15,11 @@ from tests.isph_scenes import TANK
 from tests.scenes import FULL, PERIODIC, case_of
 from warpsph import cli, simulation
 from warpsph.case.case_file import load_case, save_case
-from warpsph.engine import memory, model
-from warpsph.engine.model import Model
+from warpsph.run import memory, model
+from warpsph.run.model import Model
 from warpsph.errors import CapacityError
 from warpsph.scene.geometry import build
-from warpsph.schemes.physics import support_radius
+from warpsph.scene.physics import support_radius
 
 ROOT = Path(__file__).resolve().parents[2]
 WITHIN = 0.3  # of what is taken
@@ -74,10 +74,10 @@ def test_device_memory_is_as_foretold(name):
 
 PEAK = """
 import json, sys
-from warpsph.engine import memory
+from warpsph.run import memory
 from warpsph.case.case import Case
 from warpsph.scene.geometry import build
-from warpsph.schemes.physics import support_radius
+from warpsph.scene.physics import support_radius
 
 def status(name):
     return next(1024 * int(row.split()[1]) for row in open("/proc/self/status") if row.startswith(name))

@@ -10,7 +10,7 @@ import pytest
 import warp as wp
 
 from warpsph.engine.launch import Bindings, Launcher
-from warpsph.engine.model import quiet_warp
+from warpsph.run.model import quiet_warp
 from warpsph.errors import CapacityError
 from warpsph.kernels.linear import grid_cycle as mg
 from warpsph.solvers.linear_solver import LinearSolver

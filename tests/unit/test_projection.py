@@ -24,7 +24,7 @@ from warpsph.kernels.isph.projection import (
     UNSURE,
 )
 from warpsph.schemes import isph
-from warpsph.schemes.incompressible import row_shares
+from warpsph.schemes.isph_physics import row_shares
 
 SPACING = 0.1
 WATER = Fluid(density=4.0, viscosity=0.3)

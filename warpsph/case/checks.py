@@ -44,7 +44,7 @@ from warpsph.case.expressions import Expression
 from warpsph.case.values import NAME, CaseModel, example, formula_text, suggestion
 from warpsph.errors import MISSING, ExpressionError, Problem
 from warpsph.measure.sensors import NoPlane, face_radius, wall_normal
-from warpsph.schemes.magnitudes import check_inputs
+from warpsph.case.magnitudes import check_inputs
 
 # ----------------------------------------------------------------------------------------------------------
 # the report: pydantic's errors in the words and paths of the case file
