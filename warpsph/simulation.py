@@ -731,8 +731,7 @@ def describe(case: CaseLike) -> dict[str, Any]:
     }
     for name, c in zip(case.phase_names, physics.sound_speed, strict=True):
         known[f"phases.{name}.sound_speed"] = c
-    for name, value in physics.scales.items():
-        known[f"scales.{name}"] = value
+    known |= {f"scales.{name}": value for name, value in physics.scales.items() if value > 0}  # 0: nothing is known
     known["start.arrangement"] = geometry.arrangement
     spec = physics.spec
     return {

@@ -408,7 +408,7 @@ def test_a_swinging_drop_keeps_its_outline_and_energy(device):
 def test_a_central_force_pulls_towards_its_centre(scheme, device):
     """-B^2 (x - centre) in both schemes; the Riemann scheme starts with p = 0, so that nothing else acts."""
     scene = {**DROP, "central_force": {"rate": 3.0, "center": [1.9, 2.05]}, "precision": "float64"}
-    simulation = start(scene, device=device, numerics__scheme=scheme, numerics__preconditioner="auto")
+    simulation = start(scene, device=device, numerics={"scheme": scheme})
     particles, stepper = simulation.model.particles, simulation.model.stepper
     if scheme == "isph":
         stepper.run(simulation.case.end_time, 1)

@@ -8,7 +8,8 @@ from warpsph.engine.launch import Launcher
 from warpsph.engine.model import quiet_warp
 from warpsph.errors import CapacityError
 from warpsph.kernels.linear import krylov as ln
-from warpsph.solvers.linear_solver import EllMatrix, LinearSolver, attainable
+from warpsph.solvers.accuracy import attainable
+from warpsph.solvers.linear_solver import EllMatrix, LinearSolver
 
 quiet_warp()
 

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from types import ModuleType
+from typing import TYPE_CHECKING
 
-from warpsph.kernels.core.spec import Spec
+if TYPE_CHECKING:
+    from warpsph.kernels.core.spec import Spec
 
 
 def of(spec: Spec) -> ModuleType:

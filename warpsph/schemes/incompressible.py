@@ -9,6 +9,7 @@ import numpy as np
 
 from warpsph.kernels.core.smoothing import KERNELS, make_smoothing
 from warpsph.kernels.core.spec import Spec
+from warpsph.schemes.isph_numerics import IsphNumerics
 
 if TYPE_CHECKING:
     from warpsph.case.case import Case
@@ -76,6 +77,7 @@ def derive(case: Case, geometry: Geometry, row_list: bool) -> Physics:
     )
 
     numerics = case.numerics
+    assert isinstance(numerics, IsphNumerics)
     paper = numerics.formulation == "paper"
     filled = not has_room(case, geometry)
     gravity = np.asarray(case.gravity, dtype=float)
