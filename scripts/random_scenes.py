@@ -415,8 +415,8 @@ def run(seed: int, steps: int, device: str, threads: int | None, changes: dict[s
         changes: of the case, by dotted key, to look into a seed.
     """
     from warpsph.case.case import Case
-    from warpsph.run.model import Model
     from warpsph.errors import WarpsphError
+    from warpsph.running.model import Model
 
     data = scene(seed)
     begin = time.perf_counter()

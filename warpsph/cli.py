@@ -709,7 +709,10 @@ def _print_plan(case: "Case") -> None:
     _print_table(
         "Stages of one step, in order",
         ["", "stage", "why"],
-        [(str(number), stage["name"], stage["reason"]) for number, stage in enumerate(plan["stages"], 1)],
+        [
+            (str(number), "  " * stage["depth"] + stage["name"], stage["reason"])
+            for number, stage in enumerate(plan["stages"], 1)
+        ],
     )
     if plan["absent"]:
         _print_table(

@@ -32,7 +32,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from warpsph.run import memory
 from warpsph.errors import (
     CaseError,
     DivergenceError,
@@ -47,6 +46,7 @@ from warpsph.files import checkpoint
 from warpsph.files.output import RunFolder, Schedule, Writer
 from warpsph.measure.gauges import GaugeSet, PhaseEos
 from warpsph.measure.probes import sample
+from warpsph.running import memory
 from warpsph.scene.geometry import build
 from warpsph.scene.physics import Physics, derive, support_radius
 from warpsph.snapshot import Snapshot
@@ -54,7 +54,7 @@ from warpsph.study.comparison import compare, format_comparison
 
 if TYPE_CHECKING:
     from warpsph.case.case import Case
-    from warpsph.run.model import Model
+    from warpsph.running.model import Model
 
     CaseLike = Case | Path | str | Mapping[str, Any]
 
@@ -122,7 +122,7 @@ class Simulation:
         preparing: Callable[[int], None] | None = None,
     ) -> None:
         from warpsph.case.case_file import as_case
-        from warpsph.run.model import Model, quiet_warp
+        from warpsph.running.model import Model, quiet_warp
 
         begin = time.perf_counter()
         self._wall_time = _checked_wall_time(wall_time)
@@ -728,8 +728,7 @@ def describe(case: CaseLike) -> dict[str, Any]:
     }
     for name, c in zip(case.phase_names, physics.sound_speed, strict=True):
         known[f"phases.{name}.sound_speed"] = c
-    for name, value in physics.scales.items():
-        known[f"scales.{name}"] = value
+    known |= {f"scales.{name}": value for name, value in physics.scales.items() if value > 0}  # 0: nothing is known
     known["start.arrangement"] = geometry.arrangement
     spec = physics.spec
     return {
@@ -890,7 +889,7 @@ def _check_fit(model: Model, state: Mapping[str, np.ndarray], attributes: Mappin
 
 
 def _machine() -> dict[str, Any]:
-    from warpsph.run.model import default_threads
+    from warpsph.running.model import default_threads
 
     return {
         "system": platform.platform(),

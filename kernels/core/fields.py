@@ -1,4 +1,4 @@
-"""The particle fields that every scheme has, each declared once: element type, rows, whether it follows the sort, when it exists.
+"""The particle fields that every scheme has, each declared once: type, rows, whether it follows the sort, when it exists.
 
 A scheme declares those of its own in the same way. The allocation, the sort and the checkpoint read the declarations; a
 kernel argument of the same name is bound to the field.
@@ -60,6 +60,7 @@ class Field:
         exists: whether a `Spec` has the field.
         unit: SI unit.
         meaning: one line.
+        blank: zeros are its value where no stage of a run writes it.
     """
 
     name: str
@@ -69,6 +70,7 @@ class Field:
     exists: Callable[[Spec], bool]
     unit: str
     meaning: str
+    blank: bool = False
 
     def dtype(self, spec: Spec) -> Any:
         """Return the Warp element type for a `Spec`."""

@@ -2,7 +2,6 @@
 
 from warpsph.kernels.core.fields import COMMON, FLOW, Field, always
 
-
 ISPH_FIELDS: tuple[Field, ...] = (
     *COMMON,
     *FLOW,
@@ -18,8 +17,8 @@ ISPH_FIELDS: tuple[Field, ...] = (
     Field("spread", "real", "fluid", False, always, "-", "divergence of the positions: d inside a fluid"),
     Field("company", "real", "fluid", False, always, "-", "spread without the own images behind walls"),
     Field("exposed", "uint8", "fluid", False, always, "-", "surface before fragments are counted to it"),
-    Field("surface", "uint8", "fluid", False, always, "-", "0 inside, 1 at the free surface, 2 isolated"),
-    Field("surface_normal", "vec", "fluid", False, always, "-", "outward normal; of use at the surface alone"),
+    Field("surface", "uint8", "fluid", False, always, "-", "0 inside, 1 at the free surface, 2 isolated", True),
+    Field("surface_normal", "vec", "fluid", False, always, "-", "outward normal; of use at the surface alone", True),
     Field("unknown", "real", "fluid", False, always, "Pa", "solution of the pressure equation"),
     Field("source", "real", "fluid", False, always, "1/s^2", "its right-hand side"),
 )

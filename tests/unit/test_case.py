@@ -26,6 +26,7 @@ from warpsph.errors import (
     WallTimeReached,
     WarpsphError,
 )
+from warpsph.simulation import describe
 
 FULL = """
 title: Square droplet
@@ -256,9 +257,8 @@ def test_dictionary_gives_the_same_case(full: Case):
 def test_resolved_choices(numerics, boundary, expected):
     data = small(numerics=numerics)
     data["domain"]["boundary"] = {"x": boundary, "y": boundary}
-    resolved = Case.from_dict(data).resolved(
-        {"phases.water.sound_speed": 12.5, "numerics.smoothing_ratio": 1.5}
-    )
+    data["phases"]["water"]["viscosity"] = 1e-3
+    resolved = describe(Case.from_dict(data))["resolved"]
     keys = (
         "pressure_gradient",
         "star_states",
@@ -268,17 +268,20 @@ def test_resolved_choices(numerics, boundary, expected):
         "interface_force",
     )
     assert tuple(resolved["numerics"][key] for key in keys) == expected
-    assert resolved["phases"]["water"]["sound_speed"] == 12.5
-    assert resolved["numerics"]["smoothing_ratio"] == 1.5
     Case.from_dict(resolved)
 
 
-def test_resolved_viscosity_is_radial_with_surface_tension(full: Case):
-    resolved = full.resolved()
-    assert resolved["numerics"]["viscosity_form"] == "radial"
+def test_resolved_isph_can_be_read_back():
+    resolved = describe(Case.from_dict(small(numerics={"scheme": "isph"})))["resolved"]
+    again = describe(Case.from_dict(resolved))["resolved"]
+    assert again["numerics"] == resolved["numerics"] and again["numerics"]["time_order"] == 2
+
+
+def test_resolved_takes_what_is_known_and_absolute_files(full: Case):
+    resolved = full.resolved({"phases.gas.sound_speed": 12.5, "numerics.smoothing_ratio": 1.5})
+    assert resolved["phases"]["gas"]["sound_speed"] == 12.5
+    assert resolved["numerics"]["smoothing_ratio"] == 1.5
     assert Path(resolved["reference"]["decay"]["curve"]["file"]).is_absolute()
-    calm = full.replace({"surface_tension.0.coefficient": 0})
-    assert calm.resolved()["numerics"]["viscosity_form"] == "morris"
 
 
 # ---- refusal ---------------------------------------------------------------------------------------------
@@ -765,7 +768,7 @@ def test_schema_allows_every_case_file(path: Path):
     assert is_allowed_by_schema(read_yaml(path.read_text(encoding="utf-8")))
     case = load_case(path)
     assert is_allowed_by_schema(case.to_dict(defaults=True))
-    assert is_allowed_by_schema(case.resolved())
+    assert is_allowed_by_schema(case.resolved({}))
 
 
 @pytest.mark.parametrize(
@@ -857,7 +860,7 @@ def test_validation_runs_keep_their_changes(full: Case):
     assert full.validation.fine == () and full.validation.figure.times == (0.0, 1.0, 2.0)
     again = Case.from_dict(full.to_dict(), full.source_folder)
     assert again == full and again.validation.seed[0].changes == run.changes
-    assert "validation" not in full.resolved()
+    assert "validation" not in full.resolved({})
 
 
 def test_a_case_without_a_validation_section_has_one_quick_run():

@@ -14,8 +14,8 @@ from warpsph.case.case import Case
 from warpsph.errors import CaseError
 from warpsph.kernels.core.spec import Spec, types
 from warpsph.kernels.riemann.contact import make_wall_normal
-from warpsph.schemes import riemann
 from warpsph.scene.physics import contact_matrix
+from warpsph.schemes import riemann_program as riemann
 from warpsph.simulation import describe
 
 SPEC = Spec(
@@ -239,7 +239,7 @@ def test_the_angle_belongs_to_the_first_named_phase():
     turned_round = case.replace({"surface_tension.0.between": ["liquid", "gas"]})
     assert contact_matrix(turned_round) == pytest.approx(np.array([[0, -0.5], [0.5, 0]]))
     assert Case.from_dict(case.to_dict()) == case
-    assert case.resolved()["surface_tension"][0]["contact_angle"] == 60
+    assert case.resolved({})["surface_tension"][0]["contact_angle"] == 60
     assert case.replace({"surface_tension.0.contact_angle": "none"}).surface_tension[0].contact_angle is None
 
 

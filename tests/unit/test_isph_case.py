@@ -351,7 +351,7 @@ def test_a_list_that_has_to_grow(device):
     stepper = tight.model.stepper
     before = stepper.list.width
     assert_same(kept(whole.run()), kept(tight.run()))
-    assert stepper.list.width > before and stepper.matrix.width == stepper.list.width
+    assert stepper.list.width > before and stepper.systems.matrix.width == stepper.list.width
 
 
 # what a run tells ------------------------------------------------------------------------------------------------------
@@ -408,7 +408,7 @@ def test_a_swinging_drop_keeps_its_outline_and_energy(device):
 def test_a_central_force_pulls_towards_its_centre(scheme, device):
     """-B^2 (x - centre) in both schemes; the Riemann scheme starts with p = 0, so that nothing else acts."""
     scene = {**DROP, "central_force": {"rate": 3.0, "center": [1.9, 2.05]}, "precision": "float64"}
-    simulation = start(scene, device=device, numerics__scheme=scheme, numerics__preconditioner="auto")
+    simulation = start(scene, device=device, numerics={"scheme": scheme})
     particles, stepper = simulation.model.particles, simulation.model.stepper
     if scheme == "isph":
         stepper.run(simulation.case.end_time, 1)

@@ -58,7 +58,7 @@ REFUSED = {
         "numerics.volume_constraint",
         "true",
         "riemann",
-        "auto",
+        "delete",
     ),
     "tolerance": (
         {"precision": "float32", "numerics": {"scheme": "isph", "tolerance": 1e-11}},

@@ -5,10 +5,11 @@ import pytest
 import warp as wp
 
 from warpsph.engine.launch import Launcher
-from warpsph.run.model import quiet_warp
 from warpsph.errors import CapacityError
 from warpsph.kernels.linear import krylov as ln
-from warpsph.solvers.linear_solver import EllMatrix, LinearSolver, attainable
+from warpsph.running.model import quiet_warp
+from warpsph.solvers.accuracy import attainable
+from warpsph.solvers.linear_solver import EllMatrix, LinearSolver
 
 quiet_warp()
 

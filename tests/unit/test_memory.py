@@ -15,9 +15,9 @@ from tests.isph_scenes import TANK
 from tests.scenes import FULL, PERIODIC, case_of
 from warpsph import cli, simulation
 from warpsph.case.case_file import load_case, save_case
-from warpsph.run import memory, model
-from warpsph.run.model import Model
 from warpsph.errors import CapacityError
+from warpsph.running import memory, model
+from warpsph.running.model import Model
 from warpsph.scene.geometry import build
 from warpsph.scene.physics import support_radius
 
@@ -66,15 +66,16 @@ def test_device_memory_is_as_foretold(name):
     run = Model(case, threads=1)
     stepper = run.stepper
     taken = run.particles.memory() + stepper.list.memory() + stepper.list.memory_beside()
-    if hasattr(stepper, "matrix"):
-        taken += stepper.matrix.memory() + stepper.solver.memory() + stepper.solver.preconditioner.memory()
+    if stepper.systems is not None:
+        systems = stepper.systems
+        taken += systems.matrix.memory() + systems.solver.memory() + systems.solver.preconditioner.memory()
     assert memory.expected_on_device(case, memory.count(case, support_radius(case))) == pytest.approx(taken, rel=WITHIN)
     assert simulation.estimate(case)["memory_bytes"] == pytest.approx(taken, rel=WITHIN)
 
 
 PEAK = """
 import json, sys
-from warpsph.run import memory
+from warpsph.running import memory
 from warpsph.case.case import Case
 from warpsph.scene.geometry import build
 from warpsph.scene.physics import support_radius

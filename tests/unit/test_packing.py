@@ -11,7 +11,7 @@ from tests.scenes import FULL, case_of
 from warpsph import simulation
 from warpsph.case.case import Case
 from warpsph.engine.launch import Launcher
-from warpsph.run.model import Model, quiet_warp
+from warpsph.running.model import Model, quiet_warp
 from warpsph.scene import borders, packing
 from warpsph.scene.borders import VOID, Interface, find_interface, volume_factors
 from warpsph.scene.geometry import build, contains, inside

@@ -6,8 +6,8 @@ import pytest
 
 from tests.scenes import PERIODIC, case_of
 from warpsph.case.case import Case
-from warpsph.run.model import Model
 from warpsph.errors import CaseError
+from warpsph.running.model import Model
 from warpsph.scene.geometry import build
 from warpsph.scene.physics import derive, support_radius
 

@@ -23,7 +23,7 @@ from warpsph.kernels.isph.projection import (
     SMALLEST_MOMENT,
     UNSURE,
 )
-from warpsph.schemes import isph
+from warpsph.schemes import isph_program as isph
 from warpsph.schemes.isph_physics import row_shares
 
 SPACING = 0.1

@@ -273,9 +273,9 @@ def test_a_run_from_start_to_end(stress):
 
 
 def test_a_run_that_fails_is_a_row_too(stress, monkeypatch):
-    import warpsph.run.model
+    import warpsph.running.model
 
-    class Failing(warpsph.run.model.Model):
+    class Failing(warpsph.running.model.Model):
         def __init__(self, *arguments, **keywords):
             super().__init__(*arguments, **keywords)
             steps = self.stepper.run
@@ -289,7 +289,7 @@ def test_a_run_that_fails_is_a_row_too(stress, monkeypatch):
 
             self.stepper.run = run
 
-    monkeypatch.setattr(warpsph.run.model, "Model", Failing)
+    monkeypatch.setattr(warpsph.running.model, "Model", Failing)
     row = stress.run("bubble", stress.Point(density_ratio=100.0, resolution=5), 40, "cpu", 1)
     assert not row["criteria"]["survives"]["ok"] and " at (" in row["fault"] and row["fault"].startswith("step 21: ")
     assert row["samples"][-1]["step"] == 20 and row["criteria"]["strays"]["ok"]

@@ -38,6 +38,7 @@ from pydantic import (
 from pydantic_core import CoreSchema, PydanticCustomError
 
 from warpsph.case.expressions import Expression, compile_expression
+from warpsph.case.numerics import ByScheme, NumericsBase, default_numerics
 from warpsph.case.values import (
     AlsoWritten,
     CaseModel,
@@ -65,11 +66,12 @@ from warpsph.case.values import (
     time_window,
 )
 from warpsph.errors import MISSING, CaseError, Problem, short
+from warpsph.schemes import registry
+from warpsph.schemes.base import Scheme
 
 __all__ = [
     "PARTICLE_FIELDS",
     "SAMPLED_FIELDS",
-    "SUPPORT_RATIO",
     "VALIDATION_LEVELS",
     "AxisBoundary",
     "Boundary",
@@ -88,7 +90,6 @@ __all__ = [
     "InterfaceLine",
     "LineGauge",
     "MomentumGauge",
-    "Numerics",
     "Obstacle",
     "Output",
     "ParticleOutput",
@@ -121,11 +122,6 @@ __all__ = [
 ]
 
 AXES = ("x", "y", "z")
-
-SUPPORT_RATIO = {
-    "wendland_c2": 2.0, "wendland_c4": 2.0, "wendland_c6": 2.0, "cubic": 2.0, "quintic": 3.0, "gaussian": 3.0,
-}  # fmt: skip
-"""Support radius of each smoothing kernel divided by h."""
 
 PARTICLE_FIELDS = (
     "velocity", "density", "pressure", "mass", "volume", "phase", "particle_spacing", "particle_id",
@@ -516,155 +512,6 @@ class Scales(CaseModel):
     pressure: _AutoScale = Field(
         default="auto", description="largest pressure difference, Pa", examples=["1000"]
     )
-
-
-_Auto = Literal["auto"]
-
-
-class Numerics(CaseModel):
-    """How it is computed. `formulation` sets the defaults of the keys that are `auto`."""
-
-    scheme: Annotated[Literal["riemann", "isph"], ChoiceRule()] = Field(
-        default="riemann",
-        description="riemann: weakly compressible Riemann SPH, any number of phases; isph: projection ISPH, one "
-        "incompressible phase",
-        examples=["isph"],
-    )
-    formulation: Annotated[Literal["improved", "paper"], ChoiceRule()] = Field(
-        default="improved",
-        description="the improved formulation or the one printed in the paper",
-        examples=["improved"],
-    )
-    pressure_gradient: Annotated[Literal["auto", "corrected", "conservative"], ChoiceRule()] = Field(
-        default="auto",
-        description="corrected: minus form, exact for linear pressure; conservative: plus form, conserves "
-        "momentum. auto: corrected in closed or periodic domains, else conservative (paper: conservative)",
-        examples=["auto"],
-    )
-    star_states: Annotated[Literal["auto", "weighted", "arithmetic"], ChoiceRule()] = Field(
-        default="auto",
-        description="weights of the star states. auto: weighted (paper: arithmetic)",
-        examples=["auto"],
-    )
-    viscosity_form: Annotated[Literal["auto", "morris", "radial", "paper"], ChoiceRule()] = Field(
-        default="auto",
-        description="viscous term. auto: morris, radial with surface tension or a free surface (paper: paper)",
-        examples=["auto"],
-    )
-    tension_form: Annotated[Literal["auto", "pressure_jump", "body_force"], ChoiceRule()] = Field(
-        default="auto",
-        description="surface tension. auto: pressure_jump (paper: body_force)",
-        examples=["auto"],
-    )
-    interface_force: Annotated[float | _Auto, NumberRule(least=0, most=1, auto=True)] = Field(
-        default="auto",
-        description="factor of the force that keeps phases apart. auto: 0 (paper: 0.08)",
-        examples=["0.01"],
-    )
-    kernel: Annotated[
-        Literal["wendland_c2", "wendland_c4", "wendland_c6", "cubic", "quintic", "gaussian"], ChoiceRule()
-    ] = Field(default="wendland_c2", description="smoothing kernel", examples=["wendland_c2"])
-    smoothing_ratio: Annotated[float | _Auto, NumberRule(least=0.8, most=4, auto=True)] = Field(
-        default="auto", description="smoothing length h divided by particle_spacing", examples=["1.5"]
-    )
-    shifting: Annotated[float | _Auto, NumberRule(least=0, most=20, auto=True)] = Field(
-        default="auto",
-        description="coefficient of particle shifting. auto: 16 with corrected, 0 with conservative",
-        examples=["16"],
-    )
-    unlock: Annotated[float | _Auto, NumberRule(least=0, most=0.3, auto=True)] = Field(
-        default="auto",
-        description="random displacement at the start that breaks the symmetry of a lattice, fraction of "
-        "particle_spacing; start.noise counts if it is larger. auto: 0.05 with corrected on a lattice, else 0",
-        examples=["0"],
-    )
-    volume_constraint: Annotated[bool | _Auto, BeforeValidator(lambda v: _as_switch(v))] = Field(
-        default="auto",
-        description="keep the total volume of closed or periodic domains. auto: true with corrected there",
-        examples=["true"],
-    )
-    room_rate: Annotated[float | _Auto, NumberRule(least=0, most=10, auto=True)] = Field(
-        default="auto",
-        description="rate, over |grad v|, at which the density of a filled domain follows the room that the particles take; "
-        "0 also leaves the divergence of the continuity equation uncorrected. auto: 2 with corrected and shifting, else 0",
-        examples=["2"],
-    )
-    velocity_dissipation: Annotated[float | _Auto, NumberRule(least=0, most=10, auto=True)] = Field(
-        default="auto",
-        description="factor on the pressure-difference term of the star velocity",
-        examples=["1"],
-    )
-    courant: Annotated[float | _Auto, NumberRule(above=0, most=2, auto=True)] = Field(
-        default="auto", description="time step divided by h/(c + v)", examples=["0.5"]
-    )
-    skin: Annotated[float | _Auto, NumberRule(least=0.03, most=1, auto=True)] = Field(
-        default="auto",
-        description="skin of the neighbour list, fraction of the support radius",
-        examples=["0.1"],
-    )
-    neighbour_capacity: Annotated[int | _Auto, NumberRule(least=4, most=100_000, integer=True, auto=True)] = (
-        Field(default="auto", description="room for neighbours of one particle", examples=["64"])
-    )
-    maximum_step: Annotated[float | None, NumberRule(above=0, none=True)] = Field(
-        default=None, description="upper limit of the time step, s; none: no limit", examples=["1e-3"]
-    )
-    time_order: Annotated[int | _Auto, NumberRule(least=1, most=2, integer=True, auto=True)] = Field(
-        default="auto",
-        description="isph: 1, the printed projection, or 2, BDF2. auto: 2 (paper: 1)",
-        examples=["2"],
-    )
-    relaxed_divergence: Annotated[bool | _Auto, BeforeValidator(lambda v: _as_switch(v))] = Field(
-        default="auto",
-        description="isph: take out divergence that is left over within h/(2 u_max), not at once. auto: true (paper: false)",
-        examples=["true"],
-    )
-    deferred_correction: Annotated[bool | _Auto, BeforeValidator(lambda v: _as_switch(v))] = Field(
-        default="auto",
-        description="isph: take what an uneven arrangement makes of the last pressure gradient out of the pressure "
-        "equation. auto: true (paper: false)",
-        examples=["true"],
-    )
-    surface_offset: Annotated[float | _Auto, NumberRule(least=0, most=1, auto=True)] = Field(
-        default="auto",
-        description="isph: distance from an even row of particles at a free surface to the place where p = 0, in "
-        "particle_spacing. auto: 0.5 (paper: 0)",
-        examples=["0.5"],
-    )
-    volume_feedback: Annotated[float | _Auto, NumberRule(least=0, most=1, auto=True)] = Field(
-        default="auto",
-        description="isph: share of an excess of the density that is let go within h/u_max. auto: 0.1 (paper: 0)",
-        examples=["0.1"],
-    )
-    surface_filter: Annotated[float | _Auto, NumberRule(least=0, most=100, auto=True)] = Field(
-        default="auto",
-        description="isph: rate at which the velocity next to a free surface is drawn to the linear field around it, over "
-        "the velocity gradient. auto: 1 (paper: 0)",
-        examples=["1"],
-    )
-    implicit_viscosity: Annotated[bool | _Auto, BeforeValidator(lambda v: _as_switch(v))] = Field(
-        default="auto",
-        description="isph: friction by an implicit solve, stable at any time step. auto: true where the limit of explicit "
-        "friction is less than half of the other limits of the step (paper: false)",
-        examples=["true"],
-    )
-    solver: Annotated[Literal["auto", "cg", "bicgstab"], ChoiceRule()] = Field(
-        default="auto", description="isph: solver of the pressure equation. auto: cg", examples=["cg"]
-    )
-    preconditioner: Annotated[Literal["auto", "multigrid", "jacobi", "none"], ChoiceRule()] = Field(
-        default="auto", description="isph: preconditioner of the solver. auto: multigrid", examples=["multigrid"]
-    )
-    tolerance: Annotated[float, NumberRule(least=1e-14, most=0.1)] = Field(
-        default=1e-6, description="isph: relative residual of the pressure equation", examples=["1e-6"]
-    )
-    maximum_iterations: Annotated[int, NumberRule(least=1, most=1_000_000, integer=True)] = Field(
-        default=1000, description="isph: iterations after which a solve is given up", examples=["1000"]
-    )
-
-
-def _as_switch(value: Any) -> Any:
-    if value is True or value is False or (isinstance(value, str) and value == "auto"):
-        return value
-    raise bad_value("needs true, false or auto")
 
 
 # ----------------------------------------------------------------------------------------------------------
@@ -1307,8 +1154,8 @@ class Case(CaseModel):
     scales: Scales = Field(
         default_factory=Scales, description="what the flow will see", examples=["{velocity: 1}"]
     )
-    numerics: Numerics = Field(
-        default_factory=Numerics, description="how it is computed", examples=["{skin: 0.1}"]
+    numerics: Annotated[NumericsBase, ByScheme()] = Field(
+        default_factory=default_numerics, description="how it is computed", examples=["{skin: 0.1}"]
     )
     output: Output = Field(
         default_factory=Output, description="files", examples=["{particles: {interval: 0.1}}"]
@@ -1433,18 +1280,16 @@ class Case(CaseModel):
         result: dict[str, Any] = _plain_case(plain)
         return result
 
-    def resolved(self, known: Mapping[str, Any] | None = None) -> dict[str, Any]:
-        """`to_dict(defaults=True)` with every `auto` replaced that follows from the case itself.
+    def resolved(self, known: Mapping[str, Any]) -> dict[str, Any]:
+        """`to_dict(defaults=True)` with what `auto` came to.
 
-        known: dotted path -> value for those that need more than the case (sound speeds, smoothing ratio
-        ...); they win. Reference files get absolute paths, so that the result can be stored in another
-        folder.
+        known: dotted path -> value, as a scheme decides them (`numerics.shifting`, `phases.water.sound_speed` ...).
+            Reference files get absolute paths, so that the result can be stored in another folder.
         """
         data = self.to_dict(defaults=True)
         data.pop("validation", None)  # says nothing about this run
         self.make_files_absolute(data)
-        chosen = {f"numerics.{key}": value for key, value in _automatic_choices(self).items()}
-        for path, value in {**chosen, **(known or {})}.items():
+        for path, value in known.items():
             set_path(data, path, value)
         return data
 
@@ -1479,6 +1324,11 @@ class Case(CaseModel):
     def sides(self) -> tuple[AxisBoundary, ...]:
         """The sides of the domain, one entry an axis of this dimension."""
         return tuple(getattr(self.domain.boundary, axis) for axis in AXES[: self.dimension])
+
+    @property
+    def scheme(self) -> Scheme:
+        """The scheme that `numerics.scheme` names."""
+        return registry.find(self.numerics.scheme)
 
     @property
     def periodic(self) -> tuple[bool, ...]:
@@ -1517,30 +1367,6 @@ def rename_files(data: Mapping[str, Any], names: Mapping[str, str]) -> None:
     """Replace the names of reference files in a plain case, in place; names that are no key of `names` stay."""
     for holder in _file_holders(data):
         holder["file"] = names.get(holder["file"], holder["file"])
-
-
-def _automatic_choices(case: Case) -> dict[str, Any]:
-    """What `auto` means for the keys of numerics that follow from the case alone."""
-    numerics = case.numerics
-    paper = numerics.formulation == "paper"
-    gradient = numerics.pressure_gradient
-    if gradient == "auto":
-        gradient = "conservative" if paper or case.has_open_sides else "corrected"
-    viscosity = "paper" if paper else "radial" if case.has_surface_tension or case.has_open_sides else "morris"
-    choices = {
-        "pressure_gradient": gradient,
-        "star_states": "arithmetic" if paper else "weighted",
-        "viscosity_form": viscosity,
-        "tension_form": "body_force" if paper else "pressure_jump",
-        "interface_force": 0.08 if paper else 0.0,
-        "unlock": 0.05 if gradient == "corrected" else 0.0,
-        "shifting": 16.0 if gradient == "corrected" else 0.0,
-        "volume_constraint": gradient == "corrected" and not case.has_open_sides,
-        "room_rate": 2.0 if gradient == "corrected" and not case.has_open_sides and numerics.shifting != 0 else 0.0,
-    }
-    if numerics.scheme == "isph":
-        choices = {}  # all follow from the physics
-    return {key: value for key, value in choices.items() if getattr(numerics, key) == "auto"}
 
 
 def _plain_case(value: Any) -> Any:

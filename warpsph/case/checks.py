@@ -15,7 +15,7 @@ import types
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Annotated, Any, Union, get_args, get_origin
+from typing import Annotated, Any, TypeGuard, Union, get_args, get_origin
 
 import numpy as np
 from pydantic import BaseModel, Tag, TypeAdapter, ValidationError
@@ -26,11 +26,9 @@ from warpsph.case.case import (
     GAUGES,
     REFERENCES,
     SHAPES,
-    SUPPORT_RATIO,
     AxisBoundary,
     Case,
     Domain,
-    Numerics,
     Output,
     ReferenceCurve,
     ReferenceCurves,
@@ -41,10 +39,12 @@ from warpsph.case.case import (
     Start,
 )
 from warpsph.case.expressions import Expression
+from warpsph.case.magnitudes import check_inputs
+from warpsph.case.numerics import SUPPORT_RATIO
 from warpsph.case.values import NAME, CaseModel, example, formula_text, suggestion
 from warpsph.errors import MISSING, ExpressionError, Problem
 from warpsph.measure.sensors import NoPlane, face_radius, wall_normal
-from warpsph.case.magnitudes import check_inputs
+from warpsph.schemes import registry
 
 # ----------------------------------------------------------------------------------------------------------
 # the report: pydantic's errors in the words and paths of the case file
@@ -53,6 +53,10 @@ from warpsph.case.magnitudes import check_inputs
 def _keys(model: type[BaseModel]) -> dict[str, FieldInfo]:
     """The keys of a model as a file writes them."""
     return {info.alias or name: info for name, info in model.model_fields.items()}
+
+
+def _is_model(annotation: Any) -> TypeGuard[type[CaseModel]]:
+    return isinstance(annotation, type) and issubclass(annotation, CaseModel)
 
 
 def _members(annotation: Any) -> Iterator[tuple[str | None, Any]]:
@@ -70,13 +74,13 @@ def _members(annotation: Any) -> Iterator[tuple[str | None, Any]]:
         yield None, annotation
 
 
-def _step(annotation: Any, part: Any) -> tuple[Any, FieldInfo | None]:
-    """Annotation (and field) that `part` of an error's place leads to."""
+def _step(annotation: Any, part: Any, raw: Any) -> tuple[Any, FieldInfo | None]:
+    """Annotation (and field) that `part` of an error's place leads to; raw: what the file has there."""
     for tag, member in _members(annotation):
         if tag is not None and tag == part:
             return member, None
-        if isinstance(member, type) and issubclass(member, BaseModel):
-            info = _keys(member).get(part) if isinstance(part, str) else None
+        if _is_model(member):
+            info = _keys(member.model_for(raw)).get(part) if isinstance(part, str) else None
             if info is not None:
                 return info.annotation, info
         elif get_args(member):
@@ -85,16 +89,17 @@ def _step(annotation: Any, part: Any) -> tuple[Any, FieldInfo | None]:
     return None, None
 
 
-def _model_at(place: Sequence[Any]) -> tuple[type[BaseModel] | None, FieldInfo | None]:
+def _model_at(place: Sequence[Any], raw: Any) -> tuple[type[CaseModel] | None, FieldInfo | None]:
     """The model (if it is one) and the field (if it is one) at an error's place."""
     annotation: Any = Case
     info: FieldInfo | None = None
     for part in place:
-        annotation, info = _step(annotation, part)
+        annotation, info = _step(annotation, part, raw)
         if annotation is None:
             return None, None
-    models = [m for _, m in _members(annotation) if isinstance(m, type) and issubclass(m, BaseModel)]
-    return (models[0] if len(models) == 1 else None), info
+        raw = raw if part in _TAGS else _dig(raw, part)
+    models = [member for _, member in _members(annotation) if _is_model(member)]
+    return (models[0].model_for(raw) if len(models) == 1 else None), info
 
 
 _TAGS = frozenset(f"<{name}>" for name in (*GAUGES, *REFERENCES))
@@ -122,31 +127,33 @@ def _user_path(place: Sequence[Any], raw: Any) -> tuple[str, ...]:
     return tuple(str(step) for step in steps)
 
 
-@functools.cache
-def _homes() -> dict[str, list[str]]:
-    """Sections in which each key is at home, for keys that stand in the wrong one."""
-    homes: dict[str, list[str]] = {}
-    sections: dict[str, type[BaseModel]] = {
-        "": Case, "domain": Domain, "start": Start, "scales": Scales, "numerics": Numerics, "output": Output,
-    }  # fmt: skip
-    for section, model in sections.items():
-        for key in _keys(model):
-            homes.setdefault(key, []).append(f"{section}.{key}" if section else key)
-    return homes
+def _homes(key: str) -> list[str]:
+    """Sections in which a key is at home, for one that stands in the wrong section."""
+    sections: list[tuple[str, type[BaseModel]]] = [
+        ("", Case), ("domain", Domain), ("start", Start), ("scales", Scales), ("output", Output),
+        *(("numerics", registry.find(name).numerics) for name in registry.names()),
+    ]  # fmt: skip
+    homes = {f"{section}.{key}" if section else key: None for section, model in sections if key in _keys(model)}
+    return list(homes)
 
 
-def _unknown_key(place: Sequence[Any]) -> tuple[str, str | None]:
-    """Remedy for an unknown key, and the key that was meant if one is close."""
+def _unknown_key(place: Sequence[Any], raw: Any) -> tuple[str, str, str | None]:
+    """Rule and remedy for an unknown key, and the key that was meant if one is close."""
     key = place[-1]
-    model, _ = _model_at(place[:-1])
+    rule = "is not a known key"
+    model, _ = _model_at(place[:-1], raw)
     known = list(_keys(model)) if model is not None else []
+    if model is not None and isinstance(key, str):
+        foreign = model.foreign_key(key, _dig(raw, *(part for part in place[:-1] if part not in _TAGS)))
+        if foreign is not None:
+            return *foreign, None
     remedy = suggestion(key, known)
     if remedy.startswith("did you mean"):
-        return remedy, remedy.removeprefix("did you mean ").removesuffix("?")
-    homes = _homes().get(key, []) if isinstance(key, str) else []
+        return rule, remedy, remedy.removeprefix("did you mean ").removesuffix("?")
+    homes = _homes(key) if isinstance(key, str) else []
     if len(homes) == 1:
-        return f"this key is at home at {homes[0]}", None
-    return (f"keys here: {', '.join(known)}" if known else "delete it"), None
+        return rule, f"this key is at home at {homes[0]}", None
+    return rule, (f"keys here: {', '.join(known)}" if known else "delete it"), None
 
 
 def report(error: ValidationError, raw: Any) -> list[Problem]:
@@ -161,15 +168,14 @@ def report(error: ValidationError, raw: Any) -> list[Problem]:
         kind = item["type"]
         context = item.get("ctx", {})
         value = item.get("input")
-        model, info = _model_at(place)
+        model, info = _model_at(place, raw)
         remedy = f"write e.g. {steps[-1]}: {example(info)}" if info is not None and info.examples else ""
         if kind == "missing":
             rule = f"is required ({info.description})" if info is not None else "is required"
             missing.append((steps, Problem(path, MISSING, rule, remedy.replace("write e.g.", "add e.g."))))
             continue
         if kind == "extra_forbidden":
-            rule = "is not a known key"
-            remedy, close = _unknown_key(place)
+            rule, remedy, close = _unknown_key(place, raw)
             if close is not None:
                 meant.add((*steps[:-1], close))
         elif kind == "case":
@@ -245,17 +251,30 @@ def _part_adapter(key: int) -> TypeAdapter[Any]:
 _PARTS: dict[int, Any] = {}
 
 
+class _Draft(SimpleNamespace):
+    """What could be read of a faulty part of a case: the attributes of its model, and what properties make of them."""
+
+    def __init__(self, model: type[BaseModel]) -> None:
+        super().__init__(_model=model)
+
+    def __getattr__(self, name: str) -> Any:
+        found = getattr(self.__dict__["_model"], name, None)
+        if not isinstance(found, property) or found.fget is None:
+            raise AttributeError(name)
+        return found.fget(self)
+
+
 def draft(model: type[BaseModel], raw: Any) -> Any:
     """Attributes of `model` as far as they can be read from `raw`; the others are _UNKNOWN."""
-    draft = SimpleNamespace()
+    result = _Draft(model)
     for name, info in model.model_fields.items():
         key = info.alias or name
         if key in raw:
             value = _draft_value(_adapter(model, name), info.annotation, raw[key])
         else:
             value = _UNKNOWN if info.is_required() else info.get_default(call_default_factory=True)
-        setattr(draft, name, value)
-    return draft
+        setattr(result, name, value)
+    return result
 
 
 def _draft_value(adapter: TypeAdapter[Any], annotation: Any, raw: Any) -> Any:
@@ -269,8 +288,8 @@ def _draft_value(adapter: TypeAdapter[Any], annotation: Any, raw: Any) -> Any:
         annotation = next(
             (member for tag, member in _members(annotation) if tag == f"<{raw['type']}>"), annotation
         )
-    if isinstance(annotation, type) and issubclass(annotation, CaseModel):
-        return draft(annotation, raw) if isinstance(raw, Mapping) and not annotation.opaque else _UNKNOWN
+    if _is_model(annotation):
+        return draft(annotation.model_for(raw), raw) if isinstance(raw, Mapping) and not annotation.opaque else _UNKNOWN
     arguments = get_args(annotation)
     if get_origin(annotation) is tuple and isinstance(raw, list | tuple) and _holds_models(arguments[0]):
         return tuple(_draft_part(arguments[0], item) for item in raw)
@@ -280,9 +299,7 @@ def _draft_value(adapter: TypeAdapter[Any], annotation: Any, raw: Any) -> Any:
 
 
 def _holds_models(annotation: Any) -> bool:
-    return any(
-        isinstance(member, type) and issubclass(member, BaseModel) for _, member in _members(annotation)
-    )
+    return any(_is_model(member) for _, member in _members(annotation))
 
 
 def _draft_part(annotation: Any, raw: Any) -> Any:
@@ -495,7 +512,7 @@ def _check_pair(case: Any, seen: set[frozenset[str]], position: int, tension: An
     seen.add(frozenset(between))
     for end, name in enumerate(between):
         yield from _known_phase(case, f"{path}.{end}", name)
-    if tension.contact_angle is not None and not _has_walls(case):
+    if tension.contact_angle is not None and not case.has_walls:
         yield Problem(
             f"surface_tension.{position}.contact_angle",
             tension.contact_angle,
@@ -624,59 +641,7 @@ def _check_start(case: Any, _folder: Path | None, _raw: Any) -> _Problems:
 
 
 def _check_numerics(case: Any, _folder: Path | None, _raw: Any) -> _Problems:
-    if case.numerics.scheme == "isph":
-        yield from _check_isph(case)
-    other = "riemann" if case.numerics.scheme == "isph" else "isph"
-    for key in _KEYS_OF[other]:
-        if (value := getattr(case.numerics, key)) != "auto":
-            rule = f"is a choice of scheme: {other}, the case has scheme: {case.numerics.scheme}"
-            yield Problem(f"numerics.{key}", value, rule, "delete it, or write auto")
-    rate = case.numerics.room_rate
-    if rate != "auto" and rate > 0 and case.has_open_sides:
-        rule = "needs a closed or periodic domain: at a free surface the window of a particle is cut"
-        yield Problem("numerics.room_rate", rate, rule, "write auto or 0")
-    if case.numerics.volume_constraint is True:
-        for axis in AXES[: case.dimension]:
-            sides = getattr(case.domain.boundary, axis)
-            if "open" in (sides.lower.kind, sides.upper.kind):
-                yield Problem(
-                    "numerics.volume_constraint",
-                    True,
-                    f"needs a closed or periodic domain, {axis} is open",
-                    "write auto or false",
-                )
-
-
-# keys of numerics that one scheme alone reads
-_KEYS_OF = {
-    "riemann": ("star_states", "tension_form", "interface_force", "velocity_dissipation", "room_rate"),
-    "isph": (
-        "time_order", "relaxed_divergence", "deferred_correction", "surface_offset", "volume_feedback", "surface_filter",
-        "implicit_viscosity", "solver", "preconditioner",
-    ),
-}  # fmt: skip
-
-
-def _check_isph(case: Any) -> _Problems:
-    if len(case.phases) > 1:
-        rule = f"takes one phase, the case has {len(case.phases)}"
-        yield Problem("numerics.scheme", "isph", rule, "write scheme: riemann, or leave one phase")
-    if len(case.surface_tension) > 0:
-        rule = "does not act with scheme: isph"
-        yield Problem("surface_tension", len(case.surface_tension), rule, "write scheme: riemann, or delete it")
-    if case.numerics.volume_constraint is True:
-        rule = "is part of scheme: riemann; isph keeps the volume by its pressure equation"
-        yield Problem("numerics.volume_constraint", True, rule, "write auto")
-    from warpsph.solvers.linear_solver import attainable
-
-    least = attainable(case.precision)
-    if case.numerics.tolerance < least:
-        remedy = f"write at least {least:g}" + (", or precision: float64" if case.precision == "float32" else "")
-        yield Problem("numerics.tolerance", case.numerics.tolerance, f"is out of reach in {case.precision}", remedy)
-    for name, gauge in case.gauges.items():
-        if gauge.type == "wall_force":
-            rule = "needs wall particles, which scheme: isph has at obstacles alone, and their pressure"
-            yield Problem(f"gauges.{name}.type", gauge.type, rule, "use a gauge of type points at the wall")
+    yield from registry.find(case.numerics.scheme).check(case)
 
 
 def _check_output(case: Any, _folder: Path | None, _raw: Any) -> _Problems:
@@ -713,12 +678,6 @@ def _check_interface_fields(case: Any, path: str, fields: Sequence[str]) -> _Pro
         )
 
 
-def _has_walls(case: Any) -> bool:
-    """`Case.has_walls`, of a draft too."""
-    ends = [getattr(case.domain.boundary, axis) for axis in AXES[: case.dimension]]
-    return len(case.obstacles) > 0 or any("wall" in (axis.lower.kind, axis.upper.kind) for axis in ends)
-
-
 def _check_gauges(case: Any, _folder: Path | None, _raw: Any) -> _Problems:
     yield from _each(_check_gauge, list(case.gauges.items()), case)
 
@@ -727,7 +686,7 @@ def _check_gauge(case: Any, name: Any, gauge: Any) -> _Problems:
     path = f"gauges.{name}"
     yield from _guarded(_check_often(case, f"{path}.interval", lambda: gauge))
     if gauge.type == "wall_force":
-        if not _has_walls(case):
+        if not case.has_walls:
             yield Problem(
                 f"{path}.type", gauge.type, "needs a wall or an obstacle", "delete the gauge or add a wall"
             )
@@ -873,7 +832,7 @@ def _check_column(case: Any, path: str, reference: Any, gauge: Any) -> _Problems
     """The column of a reference is one of its gauge, or arithmetic of its columns."""
     from warpsph.measure.gauges import column_formula, column_names
 
-    known = column_names(reference.gauge, gauge, case if isinstance(case, Case) else _scene_of(case))
+    known = column_names(reference.gauge, gauge, case)
     if reference.column in known:
         return
     try:
@@ -884,14 +843,6 @@ def _check_column(case: Any, path: str, reference: Any, gauge: Any) -> _Problems
         about_one = error.remedy.startswith("did you mean") and not set("+-*/(").isdisjoint(reference.column)
         remedy = error.remedy if about_one else suggestion(reference.column, [name for name in known if name != "time"])
         yield Problem(f"{path}.column", reference.column, rule, remedy)
-
-
-def _scene_of(case: Any) -> Any:
-    """A draft with what gauges ask of a Case."""
-    sides = tuple(getattr(case.domain.boundary, axis) for axis in AXES[: case.dimension])
-    return SimpleNamespace(
-        **vars(case), phase_names=list(case.phases), sides=sides, periodic=tuple(axis.periodic for axis in sides)
-    )
 
 
 def _check_exact(case: Any, raw: Any, path: str, reference: ReferenceExact) -> _Problems:

@@ -352,6 +352,16 @@ class CaseModel(BaseModel):
     opaque: ClassVar[bool] = False
     """Whether the model has short forms, so that its parts cannot be judged when it is faulty."""
 
+    @classmethod
+    def model_for(cls, raw: Any) -> type[CaseModel]:
+        """The model that reads a section as written; another than this one where a key of the section decides it."""
+        return cls
+
+    @classmethod
+    def foreign_key(cls, key: str, raw: Any) -> tuple[str, str] | None:
+        """Rule and remedy for a key of the section as written that this model does not have, if more is known of it."""
+        return None
+
 
 class FreezeMapping:
     """Annotation of a mapping field: only mappings come in, a FrozenDict comes out."""

@@ -10,7 +10,7 @@ import warp as wp
 from warpsph.engine.device_clock import DeviceClock
 from warpsph.engine.launch import Bindings, Launcher, Task
 from warpsph.engine.neighbours import NeighbourList
-from warpsph.engine.particles import Particles
+from warpsph.engine.population import Population
 from warpsph.engine.program import Stage
 from warpsph.kernels.core import clock as ck
 from warpsph.kernels.core.spec import Spec
@@ -21,6 +21,9 @@ BLOCKS = {True: 512, False: 16384}
 
 class Systems(Protocol):
     """The linear systems of a scheme on one level."""
+
+    written: frozenset[str]
+    """fields that solves write"""
 
     def bind(self) -> None:
         """Bind to the present arrays and list; called again whenever one was replaced."""
@@ -50,7 +53,7 @@ class Level:
 
     def __init__(
         self,
-        particles: Particles,
+        particles: Population,
         launcher: Launcher,
         clock: DeviceClock,
         values: Mapping[str, Any],
@@ -85,6 +88,11 @@ class Level:
         self.list = NeighbourList(particles, self.launcher, self.bindings, **{**self._list_keywords, "width": width})
         self.spec: Spec = self.list.spec
         self.systems = self._make_systems(self) if self._make_systems is not None else None
+
+    @property
+    def written(self) -> frozenset[str]:
+        """Fields that are written outside of stages."""
+        return self.systems.written if self.systems is not None else frozenset()
 
     def live_count(self) -> int:
         """Return how many fluid particles there are."""

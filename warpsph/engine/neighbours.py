@@ -193,7 +193,7 @@ class NeighbourList:
 
     def _too_large(self, width: int, reason: str) -> str:
         """Return the message for a list of so many entries a particle that the memory does not hold, with a way out."""
-        from warpsph.run.memory import device_free, host_free
+        from warpsph.running.memory import device_free, host_free
 
         n, device = self.particles.capacity, self.particles.device
         need = 4 * width * n

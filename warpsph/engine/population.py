@@ -81,7 +81,7 @@ class Population:
         return {"fluid": self.fluid_capacity, "wall": self.wall_count, "all": self.capacity}[field.rows]
 
     def put(self, name: str, values: np.ndarray) -> None:
-        """Copy host values of shape (particles of the field's kind, ...) into a field; raises ValueError on a wrong shape."""
+        """Copy host values of shape (particles of the field's kind, ...) into a field; ValueError on a wrong shape."""
         array = self.arrays[name]
         if not array.size:
             return

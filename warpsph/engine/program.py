@@ -146,7 +146,7 @@ class Program:
             if isinstance(node, GROUPS):
                 inner = next((n for n in walk(node.nodes) if isinstance(n, STOPPING)), None)
                 if inner is not None:
-                    raise ValueError(f"{inner.name}: may not stand within {node.name}, where a step cannot be taken up again")
+                    raise ValueError(f"{inner.name}: may not stand in {node.name}, where no step can be taken up again")
         for node, after in zip(self.step, [*self.step[1:], None], strict=True):
             if isinstance(node, Births) and not isinstance(after, BuildList | KeepList):
                 raise ValueError(f"{node.name}: needs a list right after it, in which the new particles take part")

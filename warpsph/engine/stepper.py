@@ -14,16 +14,17 @@ from typing import Any, Protocol
 import numpy as np
 import warp as wp
 
+from warpsph.engine import audit
 from warpsph.engine.device_clock import DeviceClock
 from warpsph.engine.launch import Task
 from warpsph.engine.level import Level
 from warpsph.engine.program import (
+    STOPPING,
     Births,
     BuildList,
     ForEachLevel,
     KeepList,
     Node,
-    STOPPING,
     Program,
     Rarely,
     Solve,
@@ -122,8 +123,7 @@ class Stepper:
         for level in self.levels:
             if level.systems is not None:
                 level.systems.bind()
-            for stage in self.program.stages():
-                level.bindings.check(stage.kernel, stage.values)
+            audit.check(self.program, level.bindings, level.particles, level.written)
         self._sized: list[tuple[Task, Level, str]] = []
         self.nodes.bind(self.program.step, self.levels)
         self.start_nodes.bind(self.program.start, self.levels)
@@ -307,7 +307,7 @@ class Stepper:
             self.restart_clock.run()
 
     def record_care(self) -> None:
-        """Record `care_for_list` into a graph: one condition where nothing is to be done, because each costs microseconds."""
+        """Record `care_for_list` into a graph: one condition where nothing is to be done, since each costs time."""
 
         def check() -> None:
             for level in self.levels:
@@ -394,6 +394,7 @@ class Bound:
                 self._add_task(stepper.task(node, level))
         elif isinstance(node, Solve):
             for level in levels:
+                assert level.systems is not None, f"{node.name}: the scheme has no linear systems"
                 self._add_task(Task(node.name, level.systems.solve(node.system)))
         elif isinstance(node, BuildList):
             self._host.append(lambda: _ignore(stepper.rebuild()))

@@ -71,7 +71,7 @@ def _check_derived(case: Case, physics: Physics) -> Iterator[Problem]:
 
 
 def checked(derive: Callable[..., Physics]) -> Callable[..., Physics]:
-    """Return the derivation of a scheme with the check of what it derives; numbers that break its arithmetic are told as well.
+    """Return the derivation of a scheme with the check of what it derives; numbers that break its arithmetic are told too.
 
     The result raises CaseError.
     """

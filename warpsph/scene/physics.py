@@ -11,7 +11,6 @@ import numpy as np
 from warpsph.errors import CaseError, Problem
 from warpsph.kernels.core.smoothing import KERNELS
 from warpsph.kernels.core.spec import Spec
-from warpsph.scene.geometry import LIGHT
 from warpsph.scene.feasibility import checked
 
 if TYPE_CHECKING:

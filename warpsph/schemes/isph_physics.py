@@ -10,6 +10,7 @@ import numpy as np
 from warpsph.kernels.core.smoothing import KERNELS, make_smoothing
 from warpsph.kernels.core.spec import Spec
 from warpsph.scene.physics import VISCOUS_LIMIT, Physics, check_periods, flow_scales, has_room, smoothing_ratio
+from warpsph.schemes.isph_numerics import IsphNumerics
 
 if TYPE_CHECKING:
     from warpsph.case.case import Case
@@ -68,6 +69,7 @@ def _slides(case: Case) -> bool:
 def derive(case: Case, geometry: Geometry, row_list: bool) -> Physics:
     """Return the physics of an ISPH case whose particles are known; see `physics.derive`."""
     numerics = case.numerics
+    assert isinstance(numerics, IsphNumerics)
     paper = numerics.formulation == "paper"
     filled = not has_room(case, geometry)
     gravity = np.asarray(case.gravity, dtype=float)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 
+from warpsph.engine.program import Absent, BuildList, Node, Program, Solve, Stage, Substeps
 from warpsph.kernels.core.clock import make_advance
 from warpsph.kernels.core.spec import Spec
 from warpsph.kernels.core.wall import make_wall
@@ -21,7 +22,6 @@ from warpsph.kernels.isph.projection import (
     make_settle,
 )
 from warpsph.kernels.isph.surface import make_surface
-from warpsph.engine.program import Absent, BuildList, Node, Program, Solve, Stage, Substeps
 
 # Solves of the first step: the pressure equation refers to the last pressure gradient, which is not known yet.
 FIRST_PASSES = 8  # each leaves a tenth of the error

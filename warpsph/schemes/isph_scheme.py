@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
+from warpsph.errors import Problem
 from warpsph.schemes.base import Scheme
+from warpsph.schemes.isph_numerics import IsphNumerics
+from warpsph.solvers.accuracy import attainable
 
 if TYPE_CHECKING:
     import numpy as np
@@ -28,10 +31,27 @@ class IsphScheme(Scheme):
 
     name = "isph"
     summary = "projection ISPH, one incompressible phase"
+    numerics = IsphNumerics
     mirrors_sides = True
     skin = 0.001  # the list is made anew in every step
     shifts = True
-    work = frozenset({"mirror_velocity"})
+
+    def check(self, case: Any) -> Iterator[Problem]:
+        """Yield what the scheme cannot do: several phases, surface tension, forces on walls, a tolerance out of reach."""
+        if len(case.phases) > 1:
+            rule = f"takes one phase, the case has {len(case.phases)}"
+            yield Problem("numerics.scheme", "isph", rule, "write scheme: riemann, or leave one phase")
+        if len(case.surface_tension) > 0:
+            rule = "does not act with scheme: isph"
+            yield Problem("surface_tension", len(case.surface_tension), rule, "write scheme: riemann, or delete it")
+        least = attainable(case.precision)
+        if case.numerics.tolerance < least:
+            remedy = f"write at least {least:g}" + (", or precision: float64" if case.precision == "float32" else "")
+            yield Problem("numerics.tolerance", case.numerics.tolerance, f"is out of reach in {case.precision}", remedy)
+        for name, gauge in case.gauges.items():
+            if gauge.type == "wall_force":
+                rule = "needs wall particles, which scheme: isph has at obstacles alone, and their pressure"
+                yield Problem(f"gauges.{name}.type", gauge.type, rule, "use a gauge of type points at the wall")
 
     def derive(self, case: Any, geometry: Geometry, row_list: bool) -> Physics:
         """Return the numbers of a run, see `isph_physics`."""

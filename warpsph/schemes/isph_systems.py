@@ -27,6 +27,8 @@ class IsphSystems:
         options: method, preconditioner, tolerance, maximum_iterations; lower, upper, spacing [m] of the multigrid.
     """
 
+    written = frozenset({"unknown"})
+
     def __init__(self, level: Level, options: Mapping[str, Any]) -> None:
         self.level, self.options = level, options
         spec, launcher = level.spec, level.launcher

@@ -6,6 +6,7 @@ pressure gradient, leapfrog with one continuity and one momentum sweep.
 
 from __future__ import annotations
 
+from warpsph.engine.program import Absent, BuildList, KeepList, Node, Program, Rarely, Stage
 from warpsph.kernels.core.clock import make_advance
 from warpsph.kernels.core.spec import Spec
 from warpsph.kernels.core.wall import make_wall
@@ -18,7 +19,6 @@ from warpsph.kernels.riemann.interface_flow import make_interface_flow
 from warpsph.kernels.riemann.load import make_load
 from warpsph.kernels.riemann.momentum import make_momentum
 from warpsph.kernels.riemann.volume import make_volume
-from warpsph.engine.program import Absent, BuildList, KeepList, Node, Program, Rarely, Stage
 
 
 def program(spec: Spec) -> Program:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
+from warpsph.errors import Problem
 from warpsph.schemes.base import Scheme
+from warpsph.schemes.riemann_numerics import RiemannNumerics
 
 if TYPE_CHECKING:
     import numpy as np
@@ -26,8 +28,22 @@ class RiemannScheme(Scheme):
 
     name = "riemann"
     summary = "weakly compressible Riemann SPH, any number of phases"
+    numerics = RiemannNumerics
     printed_ratio = 1.25
     staggered = True
+    work = frozenset({"load", "velocity_old"})  # the latter of the wall stage, which knows schemes of two time levels
+
+    def check(self, case: Any) -> Iterator[Problem]:
+        """Yield what needs a closed or periodic domain and has none."""
+        rate = case.numerics.room_rate
+        if rate != "auto" and rate > 0 and case.has_open_sides:
+            rule = "needs a closed or periodic domain: at a free surface the window of a particle is cut"
+            yield Problem("numerics.room_rate", rate, rule, "write auto or 0")
+        if case.numerics.volume_constraint is True:
+            for axis, sides in zip("xyz", case.sides, strict=False):
+                if "open" in (sides.lower.kind, sides.upper.kind):
+                    rule = f"needs a closed or periodic domain, {axis} is open"
+                    yield Problem("numerics.volume_constraint", True, rule, "write auto or false")
 
     def derive(self, case: Any, geometry: Geometry, row_list: bool) -> Physics:
         """Return the numbers of a run, see `riemann_physics`."""

@@ -11,12 +11,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import warp as wp
 
-from warpsph.run import memory
+from warpsph.engine.device_clock import DeviceClock
 from warpsph.engine.launch import Launcher
+from warpsph.engine.level import Level
 from warpsph.engine.neighbours import default_width
 from warpsph.engine.population import Population
-from warpsph.engine.level import Level
-from warpsph.engine.device_clock import DeviceClock
 from warpsph.engine.stepper import Stepper
 from warpsph.kernels.core import clock as ck
 from warpsph.kernels.core.leaks import LARGEST, LAST
@@ -24,6 +23,7 @@ from warpsph.kernels.core.mirror import FREE_SLIP, NO_SLIP, NO_WALL, make_sides
 from warpsph.kernels.core.params import make_params, make_phase
 from warpsph.kernels.core.smoothing import KERNELS, window_integral
 from warpsph.kernels.core.spec import types_of
+from warpsph.running import memory
 from warpsph.scene.geometry import Geometry, build
 from warpsph.scene.packing import Packer
 from warpsph.scene.physics import Physics, contact_matrix, derive, support_radius
@@ -376,10 +376,12 @@ class Model:
 
         The sides of the domain count as one body, `domain`; every obstacle is one of its own.
         """
-        load = wp.zeros(self.particles.wall_count, dtype=types_of(self.physics.spec).vec, device=self.device)
-        self.stepper.bindings["load"] = load
+        bindings = self.stepper.bindings
+        if "load" not in bindings:
+            vec = types_of(self.physics.spec).vec
+            bindings["load"] = wp.zeros(self.particles.wall_count, dtype=vec, device=self.device)
         self.stepper.measure("wall_load")
-        load = np.array(load.numpy()).astype(np.float64)
+        load = bindings["load"].numpy().astype(np.float64)
         body = self.particles.get("wall_body")
         sides = {f"{axis}_{end}" for axis in "xyz" for end in ("lower", "upper")}
         names = [("domain" if name in sides else name) for name in self.geometry.body_names]

@@ -1,0 +1,76 @@
+"""Weakly compressible Riemann SPH: its keys of `numerics`, and what a case for it must fulfil."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from warpsph.case.numerics import Auto, NumericsBase, Switch
+from warpsph.case.values import ChoiceRule, NumberRule
+
+__all__ = ["RiemannNumerics"]
+
+
+class RiemannNumerics(NumericsBase):
+    """How weakly compressible Riemann SPH computes. `formulation` sets the defaults of the keys that are `auto`."""
+
+    scheme: Literal["riemann"] = Field(
+        default="riemann", description="weakly compressible Riemann SPH, any number of phases", examples=["riemann"]
+    )
+    pressure_gradient: Annotated[Literal["auto", "corrected", "conservative"], ChoiceRule()] = Field(
+        default="auto",
+        description="corrected: minus form, exact for linear pressure; conservative: plus form, conserves "
+        "momentum. auto: corrected in closed or periodic domains, else conservative (paper: conservative)",
+        examples=["auto"],
+    )
+    viscosity_form: Annotated[Literal["auto", "morris", "radial", "paper"], ChoiceRule()] = Field(
+        default="auto",
+        description="viscous term. auto: morris, radial with surface tension or a free surface (paper: paper)",
+        examples=["auto"],
+    )
+    shifting: Annotated[float | Auto, NumberRule(least=0, most=20, auto=True)] = Field(
+        default="auto",
+        description="coefficient of particle shifting. auto: 16 with corrected, 0 with conservative",
+        examples=["16"],
+    )
+    unlock: Annotated[float | Auto, NumberRule(least=0, most=0.3, auto=True)] = Field(
+        default="auto",
+        description="random displacement at the start that breaks the symmetry of a lattice, fraction of "
+        "particle_spacing; start.noise counts if it is larger. auto: 0.05 with corrected on a lattice, else 0",
+        examples=["0"],
+    )
+    courant: Annotated[float | Auto, NumberRule(above=0, most=2, auto=True)] = Field(
+        default="auto", description="time step divided by h/(c + v). auto: 0.5", examples=["0.5"]
+    )
+    star_states: Annotated[Literal["auto", "weighted", "arithmetic"], ChoiceRule()] = Field(
+        default="auto",
+        description="weights of the star states. auto: weighted (paper: arithmetic)",
+        examples=["auto"],
+    )
+    tension_form: Annotated[Literal["auto", "pressure_jump", "body_force"], ChoiceRule()] = Field(
+        default="auto",
+        description="surface tension. auto: pressure_jump (paper: body_force)",
+        examples=["auto"],
+    )
+    interface_force: Annotated[float | Auto, NumberRule(least=0, most=1, auto=True)] = Field(
+        default="auto",
+        description="factor of the force that keeps phases apart. auto: 0 (paper: 0.08)",
+        examples=["0.01"],
+    )
+    volume_constraint: Switch = Field(
+        default="auto",
+        description="keep the total volume of closed or periodic domains. auto: true with corrected there",
+        examples=["true"],
+    )
+    room_rate: Annotated[float | Auto, NumberRule(least=0, most=10, auto=True)] = Field(
+        default="auto",
+        description="rate, over |grad v|, at which the density of a filled domain follows the room that the particles take; "
+        "0 also leaves the divergence of the continuity equation uncorrected. auto: 2 with corrected and shifting, else 0",
+        examples=["2"],
+    )
+    velocity_dissipation: Annotated[float | Auto, NumberRule(least=0, most=10, auto=True)] = Field(
+        default="auto",
+        description="factor on the pressure-difference term of the star velocity",
+        examples=["1"],
+    )
