@@ -22,6 +22,7 @@ from .clock import (
     REBUILD,
     REBUILDS,
     RETRY,
+    ROOM,
     RUNNING,
     STRAIGHT,
     USELESS,
@@ -503,6 +504,7 @@ def make_finish(precision: str) -> Any:
         if peak > list_width:
             counters[FAULT] = FAULT_LIST
             counters[RUNNING] = 0
+            counters[ROOM] = 0
 
     return finish_rebuild
 

@@ -64,7 +64,8 @@ LIVE = 16  # fluid particles that there are, where their number changes
 WANTED = 17  # fluid particles that births found no room for, all of them counted
 GROWING = 18  # number of the level that births found full
 NEXT_ID = 19  # id of the next particle that is born
-COUNTERS_SIZE = 20
+ROOM = 20  # what is left of the step may run: no node found that there is no room
+COUNTERS_SIZE = 21
 RETRY = 8  # rebuilds after which a useless check is tried again
 
 MAXIMA = 4  # per thread: speed^2, acceleration^2, displacement^2, shift^2

@@ -8,13 +8,13 @@ from __future__ import annotations
 import ast
 import functools
 import textwrap
-from collections.abc import Collection, Iterable
+from collections.abc import Collection
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from warpsph.engine.launch import Bindings
     from warpsph.engine.population import Population
-    from warpsph.engine.program import Program
+    from warpsph.engine.program import Program, Stage
 
 # What a build of the neighbour list writes.
 LIST_WRITES = frozenset(
@@ -51,14 +51,18 @@ def check(program: Program, bindings: Bindings, population: Population, written:
     """
     stages = list(program.stages())
     for stage in stages:
-        bindings.check(stage.kernel, stage.values)
+        bindings.check(stage.kernel, [*stage.values, *stage.fields])
+        for argument, name in stage.fields.items():
+            if name not in population.fields:
+                raise KeyError(f"{stage.name}: argument {argument!r} stands for {name!r}, which is no field of this run")
     kept = {name for name, field in population.fields.items() if field.kept or field.blank}
-    known = kept | LIST_WRITES | set(written) | _all(access(stage.kernel)[1] for stage in stages)
+    known = kept | LIST_WRITES | set(written) | {name for stage in stages for name in _named(stage, 1)}
     for stage in stages:
-        for name in sorted(access(stage.kernel)[0] & population.fields.keys()):
+        for name in sorted(_named(stage, 0) & population.fields.keys()):
             if name not in known:
                 raise KeyError(f"{stage.name}: reads the field {name!r}, which no stage writes and no start value fills")
 
 
-def _all(sets: Iterable[Collection[str]]) -> set[str]:
-    return {name for names in sets for name in names}
+def _named(stage: Stage, which: int) -> set[str]:
+    """Return the names of fields that a stage reads (0) or writes (1)."""
+    return {stage.fields.get(argument, argument) for argument in access(stage.kernel)[which]}

@@ -110,6 +110,8 @@ class Level:
 
     def rows(self, stage: Stage) -> tuple[int, int]:
         """Return (number of rows, first row) that a stage runs over."""
+        if isinstance(stage.rows, int):
+            return stage.rows, 0
         particles = self.particles
         return {
             "fluid": (particles.fluid_capacity, 0),
@@ -123,5 +125,6 @@ class Level:
     def task(self, stage: Stage, values: Mapping[str, Any] | None = None) -> Task:
         """Return the task of a stage on this level, with values of this task alone."""
         rows, start = self.rows(stage)
-        special = {**stage.values, **(values or {})}
+        arrays = {argument: self.bindings[field] for argument, field in stage.fields.items()}
+        special = {**stage.values, **arrays, **(values or {})}
         return self.launcher.task(stage.name, stage.kernel, rows, self.bindings, start, stage.rows == "one", special)

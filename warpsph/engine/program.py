@@ -20,16 +20,18 @@ class Stage:
         name: shown to the user and in timings.
         kernel: Warp kernel; its arguments are bound by name.
         rows: what it runs over: fluid or wall particles, the interface band, blocks of particles, groups of
-            blocks, or one thread.
+            blocks, one thread, or a number of rows of its own.
         reason: why this scene needs it.
         values: argument values of this stage alone, by name.
+        fields: arguments of this stage that stand for fields of other names: argument -> field.
     """
 
     name: str
     kernel: Any
-    rows: Rows
+    rows: Rows | int
     reason: str
     values: Mapping[str, Any] = dataclasses.field(default_factory=dict)
+    fields: Mapping[str, str] = dataclasses.field(default_factory=dict)
 
 
 @dataclasses.dataclass(frozen=True)

@@ -171,7 +171,7 @@ class Stepper:
                     break
                 level.widen(int(counters[ck.LIST_PEAK]))
                 self._bind()
-                self.write(counters={ck.FAULT: 0})
+                self.write(counters={ck.FAULT: 0, ck.ROOM: 1})
                 widened = True
         self._resize()
         return widened
@@ -203,7 +203,7 @@ class Stepper:
         """Make room for the particles that births asked for."""
         _, counters = self.read()
         self.levels[int(counters[ck.GROWING])].grow(int(counters[ck.WANTED]))
-        self.write(counters={ck.FAULT: 0})
+        self.write(counters={ck.FAULT: 0, ck.ROOM: 1})
         self._bind()
         self._resize()
 
@@ -255,7 +255,7 @@ class Stepper:
         """Step until the target time [s], at most `most_steps` steps, or until a fault (see `read`)."""
         _, counters = self.read()
         if self.program.first is not None and counters[ck.STEPS] == 0 and most_steps > 0:
-            self.write(clock={ck.TARGET: target}, counters={ck.STEP_LIMIT: 1})
+            self.write(clock={ck.TARGET: target}, counters={ck.STEP_LIMIT: 1, ck.ROOM: 1})
             self.restart_clock.run()
             if self.read()[1][ck.RUNNING]:
                 self.first_nodes.run()
@@ -265,7 +265,7 @@ class Stepper:
         _, counters = self.read()
         self.write(
             clock={ck.TARGET: target},
-            counters={ck.STEP_LIMIT: min(int(counters[ck.STEPS]) + most_steps, 2**31 - 1)},
+            counters={ck.STEP_LIMIT: min(int(counters[ck.STEPS]) + most_steps, 2**31 - 1), ck.ROOM: 1},
         )
         self.restart_clock.run()
         if self.launcher.is_cpu:
@@ -298,7 +298,7 @@ class Stepper:
             _, counters = self.read()
             for level in self.levels:
                 level.widen(int(counters[ck.LIST_PEAK]))
-            self.write(counters={ck.FAULT: 0})
+            self.write(counters={ck.FAULT: 0, ck.ROOM: 1})
             self._bind()
             self.rebuild()
             place += 1
@@ -384,7 +384,7 @@ class Bound:
         for k in range(begin, len(self._device)):
             self._device[k]()
             if k in self._stops and k + 1 < len(self._device):
-                wp.capture_if(self.stepper.flag(ck.RUNNING), functools.partial(self.record, k + 1))
+                wp.capture_if(self.stepper.flag(ck.ROOM), functools.partial(self.record, k + 1))
                 return
 
     def _add(self, node: Node, levels: Sequence[Level]) -> None:
