@@ -195,11 +195,11 @@ class Stepper:
             kept = {index: clock[index] for index in (ck.OFFSET, ck.CHECK_LASTS)}
             self.write(clock=kept, counters={k: int(counters[k]) for k in (ck.REBUILDS, ck.STRAIGHT)})
 
-    def wall_load(self) -> np.ndarray:
-        """Return the force of the fluid on each wall particle, (walls, d) [N]."""
+    def wall_load(self) -> Any:
+        """Return the force of the fluid on each wall particle, a Warp array of (walls,) vectors [N]."""
         load = wp.zeros(self.particles.wall_count, dtype=types_of(self.spec).vec, device=self.launcher.device)
         self._task(riemann.wall_load(self.spec), {"load": load}).run()
-        return np.array(load.numpy())
+        return load
 
     def maxima_to_clock(self) -> None:
         """Hand speed and acceleration of the start to the clock, which limits the first step with them."""
