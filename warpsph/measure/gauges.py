@@ -70,7 +70,8 @@ def column_names(name: str, spec: Any, case: Any) -> list[str]:
     """Names of the columns that a gauge of a case will have in a run, the time first."""
     kind = GAUGES[spec.type]
     # A run gives the energy gauge equations of state; that there are some is all that its columns depend on.
-    gauge = EnergyGauge(name, spec, case, {"": PhaseEos(1.0, 1.0, 1.0)}) if kind is EnergyGauge else kind(name, spec, case)
+    some = dict.fromkeys(case.phase_names, PhaseEos(1.0, 1.0, 1.0))
+    gauge = EnergyGauge(name, spec, case, some) if kind is EnergyGauge else kind(name, spec, case)
     return ["time", *(column.name for column in gauge.columns)]
 
 
