@@ -67,11 +67,11 @@ class Physics:
     support: float
     sound_speed: tuple[float, ...]
     scales: dict[str, float]
-    tension: np.ndarray
     step_cap: dict[str, float]
-    runaway: float
-    warnings: tuple[str, ...]
     densities: tuple[float, ...]
+    tension: np.ndarray
+    runaway: float = math.inf
+    warnings: tuple[str, ...] = ()
     acoustic: float = 0.0
     viscous_step: float = 0.0
     slow_step: float = math.inf

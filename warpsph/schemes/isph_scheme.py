@@ -134,12 +134,6 @@ class IsphScheme(Scheme):
         }
         return lambda level: IsphSystems(level, options)
 
-    def material(self, population: Population, case: Any, phase: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return (density, mass) of each fluid particle."""
-        from warpsph.scene import start_values
-
-        return start_values.material(population, case, phase)
-
     def memory_beside(self, spec: Spec, fluid: int, entries: int) -> int:
         """Return the bytes of matrix, solver and preconditioner."""
         real = 8 if spec.precision == "float64" else 4

@@ -97,9 +97,3 @@ class RiemannScheme(Scheme):
         clock[ck.SOUND] = max(physics.sound_speed)
         clock[ck.RARE_LIMIT] = RARE_WAY * physics.h
         clock[ck.RARE_CAP] = physics.step_cap.get("surface tension", math.inf)
-
-    def material(self, population: Population, case: Any, phase: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return (density, mass) of each fluid particle."""
-        from warpsph.scene import start_values
-
-        return start_values.material(population, case, phase)
