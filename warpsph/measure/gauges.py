@@ -36,11 +36,11 @@ from typing import Any, ClassVar
 import numpy as np
 
 from warpsph.case.expressions import Expression, compile_expression
+from warpsph.case.sensors import face_spots, wall_normal
 from warpsph.errors import CaseError, OutputError, Problem, WarpsphError, listed
 from warpsph.files.output import Schedule, whole_file, write_failure
 from warpsph.measure.contour import contour, shares_of_phases
 from warpsph.measure.interface_area import interface_areas
-from warpsph.measure.sensors import face_spots, wall_normal
 from warpsph.snapshot import Snapshot
 
 AXES = ("x", "y", "z")

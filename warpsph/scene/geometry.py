@@ -34,8 +34,9 @@ from warpsph.scene.borders import VOID, Regions, fluid_pairs_off_lattice
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from warpsph.case.case import Case, Shape
+    from warpsph.case.case import Case
     from warpsph.case.expressions import Expression
+    from warpsph.case.shapes import Shape
 
 __all__ = [
     "FLUID",

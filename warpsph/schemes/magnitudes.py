@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from warpsph.case.extremes import Input, fits, numbers_of, range_of, remedy_for
 from warpsph.errors import CaseError, Problem
 
 if TYPE_CHECKING:
@@ -24,76 +25,6 @@ if TYPE_CHECKING:
 MOST_STEPS = 2**52  # beyond them a step is lost when it is added to a time near the end, in float64
 EXTREME = 9.0  # powers of ten from 1 at which an input, not the length of the run, is to blame for its steps
 FASTEST = 10.0  # speeds up to so many times the speed of sound are told from a run that diverges
-
-DIVISORS = ("particle_spacing", "density", "sound_speed")  # last parts of inputs that may not be rounded to zero
-TIMES = ("end_time", "numerics.maximum_step")  # kept in float64 whatever the precision
-
-Input = tuple[str, float]
-
-
-def inputs(case: Any) -> Iterator[Input]:
-    """Yield (path, value) of the numbers of a case that decide what is computed, in SI units."""
-    yield "particle_spacing", case.particle_spacing
-    yield "end_time", case.end_time
-    for end in ("lower", "upper"):
-        yield from ((f"domain.{end}.{k}", x) for k, x in enumerate(getattr(case.domain, end)))
-    for name in ("gravity", "body_force"):
-        yield from ((f"{name}.{k}", x) for k, x in enumerate(getattr(case, name)))
-    if case.central_force is not None:
-        yield "central_force.rate", case.central_force.rate
-    for name, phase in case.phases.items():
-        for key in ("density", "viscosity", "sound_speed", "background_pressure"):
-            yield f"phases.{name}.{key}", getattr(phase, key)
-    for k, pair in enumerate(case.surface_tension):
-        yield f"surface_tension.{k}.coefficient", pair.coefficient
-    for key in ("velocity", "length", "pressure"):
-        yield f"scales.{key}", getattr(case.scales, key)
-    if case.numerics.maximum_step is not None:
-        yield "numerics.maximum_step", case.numerics.maximum_step
-    for axis in "xyz"[: case.dimension]:
-        sides = getattr(case.domain.boundary, axis)
-        for end in ("lower", "upper"):
-            for k, x in enumerate(getattr(sides, end).velocity or ()):
-                yield f"domain.boundary.{axis}.{end}.velocity.{k}", x
-
-
-def _numbers(case: Any) -> list[Input]:
-    """Return those inputs that are numbers other than zero."""
-    return [(path, float(x)) for path, x in inputs(case) if isinstance(x, int | float) and x != 0]
-
-
-def _limits(precision: str) -> tuple[float, float]:
-    """Return the smallest and the largest number of a precision that keep all its digits."""
-    held = np.finfo(precision)
-    return float(held.tiny), float(held.max)
-
-
-def _fits(value: float, precision: str, divisor: bool) -> bool:
-    """Return whether a number is held; one that nothing is divided by may be so small that it counts as zero."""
-    smallest, largest = _limits(precision)
-    return math.isfinite(value) and abs(value) <= largest and (abs(value) >= smallest or not divisor)
-
-
-def _range(precision: str) -> str:
-    smallest, largest = _limits(precision)
-    return f"precision {precision} holds {smallest:.2g} to {largest:.2g}"
-
-
-def _remedy(value: float, precision: str, wide: bool) -> str:
-    """Return the advice for an input; `wide`: float64 would hold what float32 does not."""
-    advice = "write a smaller number in SI units" if abs(value) > 1 else "write a larger number in SI units"
-    return f"{advice}, or precision: float64" if wide and precision == "float32" else advice
-
-
-def check_inputs(case: Any, *_: Any) -> Iterator[Problem]:
-    """Yield a problem for each number of a case that its precision does not hold."""
-    precision = case.precision
-    for path, value in _numbers(case):
-        divisor = path.rpartition(".")[2] in DIVISORS
-        if path not in TIMES and not _fits(value, precision, divisor):
-            remedy = _remedy(value, precision, _fits(value, "float64", divisor))
-            yield Problem(path, value, f"is beyond the numbers of the run ({_range(precision)})", remedy)
-
 
 def _derived(case: Case, physics: Physics) -> Iterator[tuple[str, float, bool]]:
     """Yield (what it is, value, whether anything is divided by it) of what kernels are given or make of it at once."""
@@ -118,7 +49,7 @@ def _derived(case: Case, physics: Physics) -> Iterator[tuple[str, float, bool]]:
 
 def _most_extreme(case: Case) -> Input:
     """Return the input that is farthest from 1, in powers of ten."""
-    return max(_numbers(case), key=lambda entry: abs(math.log10(abs(entry[1]))))
+    return max(numbers_of(case), key=lambda entry: abs(math.log10(abs(entry[1]))))
 
 
 def _check_derived(case: Case, physics: Physics) -> Iterator[Problem]:
@@ -126,10 +57,10 @@ def _check_derived(case: Case, physics: Physics) -> Iterator[Problem]:
     precision = case.precision
     path, value = _most_extreme(case)
     for what, number, divisor in _derived(case, physics):
-        if not _fits(number, precision, divisor):
+        if not fits(number, precision, divisor):
             told = what.replace(" [", f" {number:.3g} [", 1)
-            rule = f"makes the {told}, beyond the numbers of the run ({_range(precision)})"
-            yield Problem(path, value, rule, _remedy(value, precision, _fits(number, "float64", divisor)))
+            rule = f"makes the {told}, beyond the numbers of the run ({range_of(precision)})"
+            yield Problem(path, value, rule, remedy_for(value, precision, fits(number, "float64", divisor)))
             return
     step = physics.estimated_step()
     if physics.spec.scheme == "isph":
@@ -144,7 +75,7 @@ def _check_derived(case: Case, physics: Physics) -> Iterator[Problem]:
         path, value = "end_time", case.end_time
         yield Problem(path, value, rule, f"write at most {MOST_STEPS * step:.3g}")
         return
-    yield Problem(path, value, rule, _remedy(value, precision, False))
+    yield Problem(path, value, rule, remedy_for(value, precision, False))
 
 
 def checked(derive: Callable[..., Physics]) -> Callable[..., Physics]:
@@ -162,7 +93,7 @@ def checked(derive: Callable[..., Physics]) -> Callable[..., Physics]:
         except (OverflowError, ZeroDivisionError):
             path, value = _most_extreme(case)
             rule = "makes numbers that no computer holds (largest 1.8e+308)"
-            raise CaseError([Problem(path, value, rule, _remedy(value, case.precision, False))]) from None
+            raise CaseError([Problem(path, value, rule, remedy_for(value, case.precision, False))]) from None
         if problems:
             raise CaseError(problems)
         return physics
