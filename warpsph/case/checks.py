@@ -12,7 +12,7 @@ from warpsph.case.check_outputs import check_gauges, check_output
 from warpsph.case.check_phases import check_fluids, check_obstacles, check_phases, check_start, check_tension
 from warpsph.case.check_references import check_references, check_validation
 from warpsph.case.drafts import Problems, guarded
-from warpsph.case.extremes import check_inputs
+from warpsph.case.magnitudes import check_inputs
 from warpsph.case.places import dig
 from warpsph.errors import MISSING, Problem
 from warpsph.schemes import registry

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from warpsph.case.extremes import Input, fits, numbers_of, range_of, remedy_for
+from warpsph.case.magnitudes import fits, most_extreme, range_of, remedy_for
 from warpsph.errors import CaseError, Problem
 
 if TYPE_CHECKING:
@@ -47,15 +47,10 @@ def _derived(case: Case, physics: Physics) -> Iterator[tuple[str, float, bool]]:
         yield f"scale of the {name}", value, False
 
 
-def _most_extreme(case: Case) -> Input:
-    """Return the input that is farthest from 1, in powers of ten."""
-    return max(numbers_of(case), key=lambda entry: abs(math.log10(abs(entry[1]))))
-
-
 def _check_derived(case: Case, physics: Physics) -> Iterator[Problem]:
     """Yield the first derived number that the precision does not hold, and too many steps."""
     precision = case.precision
-    path, value = _most_extreme(case)
+    path, value = most_extreme(case)
     for what, number, divisor in _derived(case, physics):
         if not fits(number, precision, divisor):
             told = what.replace(" [", f" {number:.3g} [", 1)
@@ -91,7 +86,7 @@ def checked(derive: Callable[..., Physics]) -> Callable[..., Physics]:
                 physics = derive(case, geometry, *arguments, **options)
                 problems = list(_check_derived(case, physics))
         except (OverflowError, ZeroDivisionError):
-            path, value = _most_extreme(case)
+            path, value = most_extreme(case)
             rule = "makes numbers that no computer holds (largest 1.8e+308)"
             raise CaseError([Problem(path, value, rule, remedy_for(value, case.precision, False))]) from None
         if problems:

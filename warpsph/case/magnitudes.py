@@ -1,7 +1,4 @@
-"""Numbers of a case that its precision does not hold.
-
-Nothing here is a limit of taste. A number is refused because it is beyond what the precision represents.
-"""
+"""Inputs that the precision of a run cannot hold. Nothing here is a limit of taste; see also `scene/feasibility.py`."""
 
 from __future__ import annotations
 
@@ -12,8 +9,6 @@ from typing import Any
 import numpy as np
 
 from warpsph.errors import Problem
-
-__all__ = ["check_inputs", "fits", "inputs", "numbers_of", "range_of", "remedy_for"]
 
 DIVISORS = ("particle_spacing", "density", "sound_speed")  # last parts of inputs that may not be rounded to zero
 TIMES = ("end_time", "numerics.maximum_step")  # kept in float64 whatever the precision
@@ -47,12 +42,12 @@ def inputs(case: Any) -> Iterator[Input]:
                 yield f"domain.boundary.{axis}.{end}.velocity.{k}", x
 
 
-def numbers_of(case: Any) -> list[Input]:
+def numbers(case: Any) -> list[Input]:
     """Return those inputs that are numbers other than zero."""
     return [(path, float(x)) for path, x in inputs(case) if isinstance(x, int | float) and x != 0]
 
 
-def _limits(precision: str) -> tuple[float, float]:
+def limits_of(precision: str) -> tuple[float, float]:
     """Return the smallest and the largest number of a precision that keep all its digits."""
     held = np.finfo(precision)
     return float(held.tiny), float(held.max)
@@ -60,12 +55,12 @@ def _limits(precision: str) -> tuple[float, float]:
 
 def fits(value: float, precision: str, divisor: bool) -> bool:
     """Return whether a number is held; one that nothing is divided by may be so small that it counts as zero."""
-    smallest, largest = _limits(precision)
+    smallest, largest = limits_of(precision)
     return math.isfinite(value) and abs(value) <= largest and (abs(value) >= smallest or not divisor)
 
 
 def range_of(precision: str) -> str:
-    smallest, largest = _limits(precision)
+    smallest, largest = limits_of(precision)
     return f"precision {precision} holds {smallest:.2g} to {largest:.2g}"
 
 
@@ -78,8 +73,13 @@ def remedy_for(value: float, precision: str, wide: bool) -> str:
 def check_inputs(case: Any, *_: Any) -> Iterator[Problem]:
     """Yield a problem for each number of a case that its precision does not hold."""
     precision = case.precision
-    for path, value in numbers_of(case):
+    for path, value in numbers(case):
         divisor = path.rpartition(".")[2] in DIVISORS
         if path not in TIMES and not fits(value, precision, divisor):
             remedy = remedy_for(value, precision, fits(value, "float64", divisor))
             yield Problem(path, value, f"is beyond the numbers of the run ({range_of(precision)})", remedy)
+
+
+def most_extreme(case: Any) -> Input:
+    """Return the input that is farthest from 1, in powers of ten."""
+    return max(numbers(case), key=lambda entry: abs(math.log10(abs(entry[1]))))
