@@ -29,8 +29,8 @@ from warpsph.errors import (
     WallTimeReached,
     WarpsphError,
 )
+from warpsph.running.preview import describe
 from warpsph.schemes import registry
-from warpsph.simulation import describe
 
 FULL = """
 title: Square droplet

@@ -71,7 +71,8 @@ def simulation(monkeypatch):
     """A warpsph.simulation that computes nothing."""
     module = types.ModuleType("warpsph.simulation")
     module.Simulation = FakeSimulation
-    module.estimate = lambda case: {
+    preview = types.ModuleType("warpsph.running.preview")
+    preview.estimate = lambda case: {
         "particles": 1600,
         "walls": 704,
         "memory_bytes": 2**20,
@@ -81,7 +82,7 @@ def simulation(monkeypatch):
         "seconds": 250.0,
         "warnings": ["phases.oil.sound_speed: 1 m/s is too low; needs 5 m/s"],
     }
-    module.describe = lambda case: {
+    preview.describe = lambda case: {
         "resolved": {"dimension": case.dimension, "gravity": [0.0, 0.0]},
         "structure": {"scheme": "riemann", "dimension": 2},
         "reasons": {"shifting": "[not] needed"},
@@ -89,6 +90,7 @@ def simulation(monkeypatch):
         "absent": [{"name": "gravity", "reason": "gravity is zero"}],
     }
     monkeypatch.setitem(sys.modules, "warpsph.simulation", module)
+    monkeypatch.setitem(sys.modules, "warpsph.running.preview", preview)
     monkeypatch.setattr(warpsph, "simulation", module, raising=False)
     monkeypatch.setattr(FakeSimulation, "made", [])
     monkeypatch.setattr(FakeSimulation, "failure", None)

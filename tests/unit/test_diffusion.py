@@ -20,10 +20,10 @@ from warpsph.files import checkpoint
 from warpsph.kernels.core import clock as ck
 from warpsph.kernels.core.mirror import FREE_SLIP, NO_SLIP, NO_WALL
 from warpsph.kernels.isph.diffusion import STABILISER, component_wise
+from warpsph.running.preview import describe, estimate
 from warpsph.scene.geometry import build
 from warpsph.schemes import incompressible, physics
 from warpsph.schemes.physics import derive, support_radius
-from warpsph.simulation import describe, estimate
 
 CASES = Path(__file__).resolve().parents[2] / "cases"
 

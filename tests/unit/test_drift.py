@@ -10,8 +10,8 @@ from tests.scenes import FULL, LEAN, PERIODIC, case_of
 from warpsph.engine import launch
 from warpsph.engine.model import Model
 from warpsph.kernels.core import clock as ck
+from warpsph.running.preview import describe
 from warpsph.schemes import riemann
-from warpsph.simulation import describe
 
 # An uneven drop, off the middle, ten times lighter than what is around it.
 BOX = {

@@ -12,7 +12,7 @@ from tests.scenes import FULL, LEAN, PERIODIC, case_of
 from warpsph import Simulation
 from warpsph.engine.launch import Launcher
 from warpsph.kernels.core import clock as ck
-from warpsph.simulation import describe
+from warpsph.running.preview import describe
 
 ROOT = Path(__file__).resolve().parents[2]
 HEAVY = ("pyvista", "vtk", "vtkmodules", "matplotlib", "h5py", "scipy", "pandas")

@@ -18,6 +18,7 @@ from warpsph.case.case_file import load_case, save_case
 from warpsph.engine import memory, model
 from warpsph.engine.model import Model
 from warpsph.errors import CapacityError
+from warpsph.running import preview
 from warpsph.scene.geometry import build
 from warpsph.schemes.physics import support_radius
 
@@ -69,7 +70,7 @@ def test_device_memory_is_as_foretold(name):
     if hasattr(stepper, "matrix"):
         taken += stepper.matrix.memory() + stepper.solver.memory() + stepper.solver.preconditioner.memory()
     assert memory.expected_on_device(case, memory.count(case, support_radius(case))) == pytest.approx(taken, rel=WITHIN)
-    assert simulation.estimate(case)["memory_bytes"] == pytest.approx(taken, rel=WITHIN)
+    assert preview.estimate(case)["memory_bytes"] == pytest.approx(taken, rel=WITHIN)
 
 
 PEAK = """
@@ -129,7 +130,7 @@ def test_check_of_a_scene_that_does_not_fit(tmp_path, monkeypatch):
     for part in ("particle_spacing: 0.001", "building them takes 166 GB", "16 GB (16000000000 bytes) are free", "would fit"):
         assert part in result.stderr
     begin = time.perf_counter()
-    found = simulation.estimate(case_of(HUGE))
+    found = preview.estimate(case_of(HUGE))
     assert time.perf_counter() - begin < 0.5
     assert found["particles"] == 10**9 and found["host_bytes"] == 166 * 10**9
 
@@ -175,7 +176,7 @@ def test_a_cpu_run_that_does_not_fit(monkeypatch):
     monkeypatch.setattr(memory, "host_free", lambda: free)
     with pytest.raises(CapacityError, match="their run takes"):
         Model(case, threads=1)
-    estimate = simulation.estimate(case)
+    estimate = preview.estimate(case)
     assert "refused" not in estimate
     assert any("a run on the CPU takes" in warning for warning in estimate["warnings"])
 

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 def print_estimate(case: Case) -> None:
     quieten_warp(False)
-    from warpsph.simulation import estimate
+    from warpsph.running.preview import estimate
 
     found = estimate(case)
     about = "about " if "refused" in found else ""
@@ -37,7 +37,7 @@ def print_estimate(case: Case) -> None:
 def print_plan(case: Case) -> None:
     quieten_warp(False)
     from warpsph.case.case_file import dump_yaml
-    from warpsph.simulation import describe
+    from warpsph.running.preview import describe
 
     plan = describe(case)
     print(f"# resolved case\n{dump_yaml(plan['resolved'])}")
