@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 
 from tests.isph_scenes import TANK
 from tests.scenes import FULL, PERIODIC, case_of
-from warpsph import cli, simulation
+from warpsph import cli
 from warpsph.case.case_file import load_case, save_case
 from warpsph.engine import memory, model
 from warpsph.engine.model import Model
@@ -120,7 +120,7 @@ def never(*_arguments, **_options):
 def test_check_of_a_scene_that_does_not_fit(tmp_path, monkeypatch):
     """It answers at once, from arithmetic, with its estimate and with what would fit."""
     monkeypatch.setattr(memory, "host_free", lambda: 16_000_000_000)
-    monkeypatch.setattr(simulation, "build", never)
+    monkeypatch.setattr(preview, "build", never)
     save_case(case_of(HUGE), tmp_path / "huge.yaml")
     begin = time.perf_counter()
     result = CliRunner().invoke(cli.app, ["check", str(tmp_path / "huge.yaml")])
@@ -137,7 +137,7 @@ def test_check_of_a_scene_that_does_not_fit(tmp_path, monkeypatch):
 
 def test_run_and_show_build_nothing_that_does_not_fit(tmp_path, monkeypatch):
     monkeypatch.setattr(memory, "host_free", lambda: 16_000_000_000)
-    monkeypatch.setattr(simulation, "build", never)
+    monkeypatch.setattr(preview, "build", never)
     monkeypatch.setattr(model, "build", never)
     save_case(case_of(HUGE), tmp_path / "huge.yaml")
     for arguments in (["run", "--output", str(tmp_path / "run")], ["run", "--dry-run"], ["show"]):

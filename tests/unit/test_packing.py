@@ -15,7 +15,8 @@ from warpsph.engine.model import Model, quiet_warp
 from warpsph.running import preview
 from warpsph.scene import borders, packing
 from warpsph.scene.borders import VOID, Interface, find_interface, volume_factors
-from warpsph.scene.geometry import build, contains, inside
+from warpsph.scene.geometry import build
+from warpsph.scene.masks import contains, inside
 from warpsph.scene.packing import Packer
 
 quiet_warp()

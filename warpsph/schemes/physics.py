@@ -14,7 +14,7 @@ import numpy as np
 from warpsph.errors import CaseError, Problem
 from warpsph.kernels.core.smoothing import KERNELS
 from warpsph.kernels.core.spec import Spec
-from warpsph.scene.geometry import LIGHT
+from warpsph.scene.fluid_regions import LIGHT
 from warpsph.schemes.magnitudes import checked
 
 if TYPE_CHECKING:
