@@ -28,9 +28,9 @@ import numpy as np
 import warp as wp
 
 from warpsph.case.case import Case
-from warpsph.engine.model import Model, quiet_warp
 from warpsph.kernels.core import clock as ck
 from warpsph.kernels.core.spec import SWEEP_OPTIONS
+from warpsph.running.model import Model, quiet_warp
 
 TARGET = 1.03  # package over hand
 CHECKED_STEPS = 20

@@ -374,7 +374,7 @@ def main() -> None:
 
     import warp as wp
 
-    from warpsph.engine.model import quiet_warp
+    from warpsph.running.model import quiet_warp
 
     quiet_warp()
     device = wp.get_device(arguments.device)

@@ -151,8 +151,8 @@ def measure(name: str, device: str, threads: int, precision: str, seconds: float
     import warp as wp
 
     from warpsph.case.case import Case
-    from warpsph.engine.model import Model
     from warpsph.kernels.core import clock as ck
+    from warpsph.running.model import Model
 
     data = SCENES[name][0]()
     data["precision"] = precision
@@ -235,7 +235,7 @@ def main() -> None:
 
     import warp as wp
 
-    from warpsph.engine.model import quiet_warp
+    from warpsph.running.model import quiet_warp
 
     quiet_warp()
     device = wp.get_device(arguments.device)

@@ -5,7 +5,7 @@
     python scripts/isph_viscosity.py --json benchmarks/isph_viscosity_cpu.json
 
 Errors are those of the `reference` section of the case file; values, which have no reference, those at the end of the run.
-`--changes` tries other accuracy limits of the step (`warpsph.schemes.incompressible.CHANGE`). A run that diverged shows
+`--changes` tries other accuracy limits of the step (`warpsph.schemes.isph_physics.CHANGE`). A run that diverged shows
 when it did.
 """
 
@@ -21,7 +21,7 @@ from typing import Any
 
 from warpsph.case.case_file import load_case
 from warpsph.errors import WarpsphError
-from warpsph.schemes import incompressible
+from warpsph.schemes import isph_physics as incompressible
 from warpsph.simulation import Simulation
 
 CASES = Path(__file__).resolve().parent.parent / "cases"

@@ -81,7 +81,7 @@ def scene(seed: int) -> dict[str, Any]:
     from warpsph.case.case import Case
     from warpsph.errors import CaseError
     from warpsph.scene.geometry import build
-    from warpsph.schemes.physics import support_radius
+    from warpsph.scene.physics import support_radius
 
     for attempt in range(100):
         data = _scene(Draw(seed, attempt), f"random scene {seed}")
@@ -415,8 +415,8 @@ def run(seed: int, steps: int, device: str, threads: int | None, changes: dict[s
         changes: of the case, by dotted key, to look into a seed.
     """
     from warpsph.case.case import Case
-    from warpsph.engine.model import Model
     from warpsph.errors import WarpsphError
+    from warpsph.running.model import Model
 
     data = scene(seed)
     begin = time.perf_counter()

@@ -367,10 +367,10 @@ def judge(scene: Scene, point: Point, samples: list[dict[str, Any]], fault: str)
 def run(scene_name: str, point: Point, steps: int, device: str, threads: int | None) -> dict[str, Any]:
     """Run a point of a scene and return its row."""
     from warpsph.case.case import Case
-    from warpsph.engine.model import Model
     from warpsph.errors import WarpsphError
     from warpsph.kernels.core import clock as ck
     from warpsph.measure.gauges import ContourGauge, EnergyGauge, PhaseEos
+    from warpsph.running.model import Model
 
     scene = SCENES[scene_name]
     data = scene.case(point)
@@ -441,7 +441,7 @@ def run_all(
 
 def quiet() -> None:
     """Settings of a process."""
-    from warpsph.engine.model import quiet_warp
+    from warpsph.running.model import quiet_warp
 
     np.seterr(all="ignore")
     quiet_warp()
@@ -538,8 +538,8 @@ def main(arguments: list[str] | None = None) -> int:
     steps = chosen.steps or STEPS
 
     from warpsph.case.case import Case
-    from warpsph.engine.model import quiet_warp
-    from warpsph.schemes.physics import smoothing_ratio
+    from warpsph.running.model import quiet_warp
+    from warpsph.scene.physics import smoothing_ratio
 
     quiet_warp()
     base = base_point(chosen.quick)

@@ -6,10 +6,11 @@ import math
 import numpy as np
 import warp as wp
 
+from warpsph.engine.device_clock import DeviceClock
 from warpsph.engine.launch import Bindings, Launcher
-from warpsph.engine.model import quiet_warp
+from warpsph.engine.level import Level
 from warpsph.engine.neighbours import NeighbourList, default_width
-from warpsph.engine.particles import Particles
+from warpsph.engine.population import Population
 from warpsph.engine.stepper import Stepper
 from warpsph.kernels.core import clock as ck
 from warpsph.kernels.core.params import make_params, make_phase
@@ -17,7 +18,9 @@ from warpsph.kernels.core.smoothing import KERNELS, window_integral
 from warpsph.kernels.core.spec import Spec, types_of
 from warpsph.kernels.riemann.density import make_continuity
 from warpsph.kernels.riemann.momentum import make_momentum
-from warpsph.schemes import riemann
+from warpsph.running.model import quiet_warp
+from warpsph.schemes import registry
+from warpsph.schemes import riemann_program as riemann
 
 quiet_warp()
 
@@ -153,7 +156,7 @@ class Setup:
         self.h = ratio * spacing
         self.support = self.h * KERNELS[spec.kernel].support
         self.half_skin = 0.5 * skin * self.support
-        self.particles = Particles(spec, nf, nw, self.device)
+        self.particles = Population(spec, registry.find(spec.scheme).fields(), nf, nw, self.device)
         put = self.particles.put
         put("anchor", every)
         put("position", every)
@@ -246,15 +249,11 @@ class Setup:
 
     def stepper(self, threads=1):
         """Return a `Stepper` of the scene; it compiles every kernel of a step."""
-        return Stepper(
-            self.spec,
-            self.particles,
-            Launcher(self.device, threads),
-            self.values,
-            self.list_keywords,
-            self.clock,
-            self.counters,
-        )
+        launcher = Launcher(self.device, threads)
+        clock = DeviceClock(self.spec, launcher, self.clock, self.counters)
+        scheme = registry.find(self.spec.scheme)
+        level = Level(self.particles, launcher, clock, self.values, self.list_keywords, None, scheme.work)
+        return Stepper(scheme, [level], clock)
 
 
 class Bench(Setup):
@@ -269,7 +268,7 @@ class Bench(Setup):
         self.clock_array = wp.array(self.clock, dtype=wp.float64, device=device)
         self.counters_array = wp.array(self.counters, dtype=int, device=device)
         self.launcher = Launcher(device, 1)
-        self.bindings = Bindings(device, self.values)
+        self.bindings = Bindings(device, self.values, self.particles.declared | registry.find(spec.scheme).work)
         self.bindings.update(self.particles.arrays)
         self.bindings.update(
             clock=self.clock_array,
@@ -360,7 +359,7 @@ class Bench(Setup):
 
     def prepare(self):
         """Run what a momentum sweep needs: flow beside interfaces, wall state, interface geometry."""
-        self.run(*riemann.start(self.spec)[:-1])
+        self.run(*riemann.start(self.spec)[2:-1])
 
     def acceleration(self, dt=1.0):
         """Run the momentum sweep; return the acceleration, (fluid, d) [m/s^2]."""

@@ -7,7 +7,7 @@ import numpy as np
 from tests.scenes import case_of
 from warpsph import Simulation
 from warpsph.scene.geometry import build
-from warpsph.schemes.physics import derive, support_radius
+from warpsph.scene.physics import derive, support_radius
 
 DX = 0.1
 NONE = {"particles": "none", "checkpoint": "none"}

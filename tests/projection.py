@@ -11,8 +11,8 @@ from warpsph.kernels.core.mirror import NO_WALL, code_shift, make_sides
 from warpsph.kernels.core.smoothing import KERNELS
 from warpsph.kernels.core.spec import Spec, types_of
 from warpsph.kernels.isph import surface as sf
-from warpsph.schemes import isph
-from warpsph.schemes.incompressible import row_shares
+from warpsph.schemes import isph_program as isph
+from warpsph.schemes.isph_physics import row_shares
 from warpsph.solvers.linear_solver import EllMatrix, LinearSolver
 
 INSIDE, SURFACE, ISOLATED = sf.INSIDE, sf.SURFACE, sf.ISOLATED

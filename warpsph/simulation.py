@@ -46,13 +46,13 @@ from warpsph.measure.probes import sample
 from warpsph.running.divergence import runaway_particle
 from warpsph.running.restarts import SAME_CASE, check_fit, check_unfinished, find_checkpoint, is_inside, reached, scene_of
 from warpsph.running.summary import leak_warning, machine, solver_warnings, versions
-from warpsph.schemes.physics import Physics
+from warpsph.scene.physics import Physics
 from warpsph.snapshot import Snapshot
 from warpsph.study.comparison import compare, format_comparison
 
 if TYPE_CHECKING:
     from warpsph.case.case import Case
-    from warpsph.engine.model import Model
+    from warpsph.running.model import Model
 
     CaseLike = Case | Path | str | Mapping[str, Any]
 
@@ -113,7 +113,7 @@ class Simulation:
         wall_time: float | None = None,
         preparing: Callable[[int], None] | None = None,
     ) -> None:
-        from warpsph.engine.model import Model, quiet_warp
+        from warpsph.running.model import Model, quiet_warp
 
         begin = time.perf_counter()
         self._wall_time = _checked_wall_time(wall_time)
@@ -509,10 +509,7 @@ class Simulation:
         last = model.snapshot() if status == "finished" else None
         frames = None if self.folder is None else self.folder.path
         results = compare(self.case, None, gauges=self._gauges, snapshot=last, end_time=model.time, frames=frames)
-        stages: dict[str, float] = {}
-        for task in [*model.stepper.step_tasks, *model.stepper.list.tasks, *model.stepper.list.check_tasks]:
-            label = task.name if task in model.stepper.step_tasks else f"list: {task.name}"
-            stages[label] = stages.get(label, 0.0) + task.seconds
+        stages = model.stepper.timings()
         from warpsph import __version__
         from warpsph.kernels.core import clock as ck
 
@@ -567,9 +564,10 @@ class Simulation:
 
     def _solves(self) -> dict[str, Any]:
         """Return the sums over the pressure solves of an ISPH run for the summary; warn of those that failed."""
-        totals = self.model.stepper.solves()
-        if totals is None:
+        systems = self.model.stepper.systems
+        if systems is None:
             return {}
+        totals = systems.report()
         for text in solver_warnings(totals):
             self._warn(text)
         return {"solver": totals}

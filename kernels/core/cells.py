@@ -16,11 +16,13 @@ from .clock import (
     FAULT,
     FAULT_LIST,
     LIST_PEAK,
+    LIVE,
     MAXIMA,
     OFFSET,
     REBUILD,
     REBUILDS,
     RETRY,
+    ROOM,
     RUNNING,
     STRAIGHT,
     USELESS,
@@ -88,10 +90,17 @@ def make_keys(spec: Spec) -> Any:
         anchor: wp.array(dtype=vec),
         offset: wp.array(dtype=vec),
         position: wp.array(dtype=vec),
+        alive: wp.array(dtype=wp.uint8),
         sort_keys: wp.array(dtype=int),
         sort_order: wp.array(dtype=int),
     ):
         i = wp.tid() + first
+        if wp.static(spec.changing):
+            if i < fluid_count:
+                if alive[i] == wp.uint8(0):
+                    sort_keys[i] = grid.cell_count - 1
+                    sort_order[i] = i
+                    return
         if moving == 1:
             old = anchor[i]
             way = offset[i]
@@ -164,6 +173,17 @@ def make_ranges() -> Any:
         cell_start[c] = low
 
     return cell_ranges
+
+
+@functools.cache
+def make_live() -> Any:
+    """Return the one-thread kernel that counts the fluid particles that live: all before the cell of those that died."""
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def count_live(dead_cell: int, cell_start: wp.array(dtype=int), counters: wp.array(dtype=int)):
+        counters[LIVE] = cell_start[dead_cell]
+
+    return count_live
 
 
 @functools.cache
@@ -396,8 +416,14 @@ def make_list(spec: Spec) -> Any:
         flags: wp.array(dtype=wp.uint8),
         list_peak: wp.array(dtype=int),
         sides: Sides,
+        alive: wp.array(dtype=wp.uint8),
     ):
         i = wp.tid() + first
+        if wp.static(spec.changing):
+            if i < fluid_count:
+                if alive[i] == wp.uint8(0):
+                    fluid_neighbours[i] = wp.int16(0)
+                    return
         xi = anchor[i]
         c = cell_of(xi, grid)
         own = int(-1)
@@ -478,6 +504,7 @@ def make_finish(precision: str) -> Any:
         if peak > list_width:
             counters[FAULT] = FAULT_LIST
             counters[RUNNING] = 0
+            counters[ROOM] = 0
 
     return finish_rebuild
 

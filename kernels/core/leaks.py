@@ -43,6 +43,7 @@ def make_leaks(spec: Spec) -> tuple[Any, Any]:
         solid_cells: wp.array(dtype=wp.uint8),
         phase: wp.array(dtype=wp.int8),
         place: wp.array(dtype=vec),
+        alive: wp.array(dtype=wp.uint8),
         leaks_found: wp.array(dtype=int),
     ):
         i = wp.tid() + first
@@ -72,6 +73,8 @@ def make_leaks(spec: Spec) -> tuple[Any, Any]:
             from_centre += off * off
         if solid_cells.shape[0] > 0:
             outside = outside or (solid_cells[cell] != wp.uint8(0) and from_centre < real(INSIDE * INSIDE))
+        if wp.static(spec.changing):
+            gone = gone or alive[i] == wp.uint8(0)
         if outside and not gone:
             own = int(0)
             if wp.static(spec.multiphase):

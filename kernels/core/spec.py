@@ -45,10 +45,12 @@ class Spec:
         interface_force: pair force that keeps phases apart.
         dissipation: the pressure difference enters the star velocity.
         free_surface: an axis is open, so that wall pressure never pulls.
-        scheme: "riemann" or "isph".
+        scheme: name of the scheme in the registry.
+        changing: particles are born or die.
         mirror: sides of the domain are walls made of mirror images (isph).
         second_order: BDF2 in time instead of the first-order projection (isph).
         implicit_viscosity: the viscous term is stabilised by an implicit solve (isph).
+        viscosity_by_axis: the components of implicit viscosity have matrices of their own (isph).
         row_list: neighbour list stored particle by particle (CPU) instead of neighbour by neighbour (GPU).
         wide_list: the neighbour list has more entries than 31 bits number; known with its width.
     """
@@ -80,6 +82,8 @@ class Spec:
     mirror: bool = False
     second_order: bool = False
     implicit_viscosity: bool = False
+    viscosity_by_axis: bool = False
+    changing: bool = False
     row_list: bool = True
     wide_list: bool = False
 

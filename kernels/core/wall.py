@@ -32,7 +32,7 @@ def make_wall(spec: Spec) -> Any:
     shape, _ = make_smoothing(spec.kernel, spec.precision)
     separation = separation_of(spec)
     list_begin, list_step, neighbour, Listed = list_access(spec)
-    extrapolated = spec.scheme == "isph" and spec.second_order
+    extrapolated = spec.second_order
     time_weights = make_weights(spec.second_order)
 
     @wp.kernel(module="unique", enable_backward=False, module_options=SWEEP_OPTIONS)

@@ -40,16 +40,6 @@ from warpsph.kernels.core.weights import make_weights
 STABILISER = {"morris": (1.0, 1.0, 1.0), "radial": (1.0, 1.5, 1.75), "paper": (1.0, 1.5, 1.75)}
 
 
-def component_wise(viscosity: str, kinds: Any) -> bool:
-    """Return whether each component has a matrix of its own: those of the radial forms differ, and so do free-slip sides.
-
-    Args:
-        viscosity: of the `Spec`.
-        kinds: of the sides, see `mirror`.
-    """
-    return viscosity != "morris" or any(kind > NO_SLIP for kind in kinds)
-
-
 @functools.cache
 def make_diffusion(spec: Spec) -> tuple[Any, Any, Any]:
     """Return the kernels (fill the matrix, right-hand side r, u* from the solution w) of one component.

@@ -86,7 +86,10 @@ def simulation(monkeypatch):
         "resolved": {"dimension": case.dimension, "gravity": [0.0, 0.0]},
         "structure": {"scheme": "riemann", "dimension": 2},
         "reasons": {"shifting": "[not] needed"},
-        "stages": [{"name": "density", "reason": "continuity"}, {"name": "momentum", "reason": "[always]"}],
+        "stages": [
+            {"name": "density", "reason": "continuity", "depth": 0},
+            {"name": "momentum", "reason": "[always]", "depth": 1},
+        ],
         "absent": [{"name": "gravity", "reason": "gravity is zero"}],
     }
     monkeypatch.setitem(sys.modules, "warpsph.simulation", module)

@@ -15,8 +15,8 @@ from warpsph.errors import CaseError
 from warpsph.kernels.core.spec import Spec, types
 from warpsph.kernels.riemann.contact import make_wall_normal
 from warpsph.running.preview import describe
-from warpsph.schemes import riemann
-from warpsph.schemes.physics import contact_matrix
+from warpsph.scene.physics import contact_matrix
+from warpsph.schemes import riemann_program as riemann
 
 SPEC = Spec(
     dimension=2,

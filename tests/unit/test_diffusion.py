@@ -19,11 +19,12 @@ from warpsph.errors import CaseError
 from warpsph.files import checkpoint
 from warpsph.kernels.core import clock as ck
 from warpsph.kernels.core.mirror import FREE_SLIP, NO_SLIP, NO_WALL
-from warpsph.kernels.isph.diffusion import STABILISER, component_wise
+from warpsph.kernels.isph.diffusion import STABILISER
 from warpsph.running.preview import describe, estimate
+from warpsph.scene import physics
 from warpsph.scene.geometry import build
-from warpsph.schemes import incompressible, physics
-from warpsph.schemes.physics import derive, support_radius
+from warpsph.scene.physics import derive, support_radius
+from warpsph.schemes import isph_physics as incompressible
 
 CASES = Path(__file__).resolve().parents[2] / "cases"
 
@@ -134,9 +135,6 @@ def test_the_operator_is_that_of_the_images(place, dimension, precision, device)
 @DIMENSIONS
 def test_components_share_a_matrix_where_they_can(dimension, device):
     """Morris between no-slip walls; radial forms and free-slip sides make one a component."""
-    no_slip, mixed = [NO_WALL] * 2 + [NO_SLIP] * (2 * dimension - 2), [NO_SLIP, FREE_SLIP] * dimension
-    assert not component_wise("morris", [NO_WALL] * 2) and not component_wise("morris", no_slip)
-    assert component_wise("morris", mixed) and component_wise("radial", no_slip)
     bench = scene("periodic", dimension, device=device)
     bench.look()
     np.testing.assert_array_equal(bench.diffusion(0)[0], bench.diffusion(dimension - 1)[0])
@@ -306,7 +304,7 @@ def test_order_in_time(scene, device):
 @pytest.mark.parametrize("scene, matrices", [(VORTICES, 1), (WALLED, 2)])
 def test_the_matrix_is_filled_as_often_as_it_differs(scene, matrices, device):
     simulation = start(scene, device=device, **HONEY)
-    names = [task.name for task in simulation.model.stepper.look_tasks]
+    names = [task.name for task in simulation.model.stepper.step_tasks]
     assert names.count("diffusion_matrix") == matrices
     assert names.count("diffusion_source") == names.count("diffusion_solve") == names.count("diffusion_take") == 2
 

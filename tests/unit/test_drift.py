@@ -8,10 +8,11 @@ import pytest
 
 from tests.scenes import FULL, LEAN, PERIODIC, case_of
 from warpsph.engine import launch
-from warpsph.engine.model import Model
+from warpsph.engine.program import Rarely, walk
 from warpsph.kernels.core import clock as ck
+from warpsph.running.model import Model
 from warpsph.running.preview import describe
-from warpsph.schemes import riemann
+from warpsph.schemes import riemann_program as riemann
 
 # An uneven drop, off the middle, ten times lighter than what is around it.
 BOX = {
@@ -100,7 +101,7 @@ def test_momentum_is_kept(changes, share, device):
 
 def test_without_the_stage_it_drifts(device, monkeypatch):
     """The scene of the tests above has a drift to take out."""
-    monkeypatch.setattr("warpsph.engine.model.derive", without_constraint(monkeypatch))
+    monkeypatch.setattr("warpsph.running.model.derive", without_constraint(monkeypatch))
     model = Model(case_of(BOX), device=device, threads=1)
     model.stepper.prepare(fresh=True)
     errors, scales = follow(model, 300)
@@ -109,7 +110,7 @@ def test_without_the_stage_it_drifts(device, monkeypatch):
 
 def without_constraint(monkeypatch):
     """Return `derive` with the momentum left to itself."""
-    from warpsph.schemes.physics import derive
+    from warpsph.scene.physics import derive
 
     def changed(*arguments, **keywords):
         physics = derive(*arguments, **keywords)
@@ -266,7 +267,8 @@ def test_only_a_periodic_box_without_walls_has_it(scene, changes, kept):
 
 
 def test_it_runs_after_the_kick_and_rarely():
-    stages = riemann.step(prepared().physics.spec)
-    names = [stage.name for stage in stages]
+    nodes = riemann.step(prepared().physics.spec)
+    names = [node.name for node in walk(nodes)]
     assert names.index("kick_drift") < names.index("drift") < names.index("momentum")
-    assert all(stage.rare for stage in stages if stage.name.startswith("drift"))
+    rare = {node.name for group in nodes if isinstance(group, Rarely) for node in group.nodes}
+    assert {name for name in names if name.startswith("drift")} <= rare

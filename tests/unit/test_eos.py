@@ -6,7 +6,7 @@ import pytest
 from tests.helpers import Bench, Fluid, evaluate
 from warpsph.kernels.core.eos import make_eos
 from warpsph.kernels.core.spec import Spec
-from warpsph.schemes import riemann
+from warpsph.schemes import riemann_program as riemann
 
 GAMMAS = [1.0, 1.4, 4.0, 7.0]
 

@@ -7,12 +7,12 @@ import pytest
 
 from tests.helpers import Bench, Fluid, lattice
 from warpsph.case.case import Case
-from warpsph.engine.model import Model
 from warpsph.kernels.core.leaks import INSIDE
 from warpsph.kernels.core.spec import Spec
 from warpsph.kernels.riemann.star import make_one_sided
+from warpsph.running.model import Model
 from warpsph.scene.geometry import build
-from warpsph.schemes.physics import derive, support_radius
+from warpsph.scene.physics import derive, support_radius
 from warpsph.simulation import Simulation
 
 SPACING = 0.1

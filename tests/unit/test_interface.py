@@ -7,7 +7,7 @@ import pytest
 
 from tests.helpers import Bench, Fluid, lattice
 from warpsph.kernels.core.spec import Spec
-from warpsph.schemes import riemann
+from warpsph.schemes import riemann_program as riemann
 
 SPEC = Spec(dimension=2, precision="float64", multiphase=True, tension="pressure_jump", interface=True)
 SPEC_3D = dataclasses.replace(SPEC, dimension=3, periodic=(False,) * 3)

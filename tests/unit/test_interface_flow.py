@@ -9,7 +9,7 @@ from tests.helpers import Bench, Fluid, lattice
 from warpsph.kernels.core.fields import fields_of
 from warpsph.kernels.core.pair import NEAR
 from warpsph.kernels.core.spec import Spec
-from warpsph.schemes import riemann
+from warpsph.schemes import riemann_program as riemann
 
 FLAT = Spec(dimension=2, precision="float64", multiphase=True)
 SOLID = Spec(dimension=3, precision="float64", periodic=(False,) * 3, multiphase=True)

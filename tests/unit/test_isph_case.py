@@ -351,7 +351,7 @@ def test_a_list_that_has_to_grow(device):
     stepper = tight.model.stepper
     before = stepper.list.width
     assert_same(kept(whole.run()), kept(tight.run()))
-    assert stepper.list.width > before and stepper.matrix.width == stepper.list.width
+    assert stepper.list.width > before and stepper.systems.matrix.width == stepper.list.width
 
 
 # what a run tells ------------------------------------------------------------------------------------------------------

@@ -5,9 +5,9 @@ import pytest
 import warp as wp
 
 from warpsph.engine.launch import Launcher
-from warpsph.engine.model import quiet_warp
 from warpsph.errors import CapacityError
 from warpsph.kernels.linear import krylov as ln
+from warpsph.running.model import quiet_warp
 from warpsph.solvers.accuracy import attainable
 from warpsph.solvers.linear_solver import EllMatrix, LinearSolver
 

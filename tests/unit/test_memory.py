@@ -15,12 +15,11 @@ from tests.isph_scenes import TANK
 from tests.scenes import FULL, PERIODIC, case_of
 from warpsph import cli
 from warpsph.case.case_file import load_case, save_case
-from warpsph.engine import memory, model
-from warpsph.engine.model import Model
 from warpsph.errors import CapacityError
-from warpsph.running import preview
+from warpsph.running import memory, model, preview
+from warpsph.running.model import Model
 from warpsph.scene.geometry import build
-from warpsph.schemes.physics import support_radius
+from warpsph.scene.physics import support_radius
 
 ROOT = Path(__file__).resolve().parents[2]
 WITHIN = 0.3  # of what is taken
@@ -67,18 +66,19 @@ def test_device_memory_is_as_foretold(name):
     run = Model(case, threads=1)
     stepper = run.stepper
     taken = run.particles.memory() + stepper.list.memory() + stepper.list.memory_beside()
-    if hasattr(stepper, "matrix"):
-        taken += stepper.matrix.memory() + stepper.solver.memory() + stepper.solver.preconditioner.memory()
+    if stepper.systems is not None:
+        systems = stepper.systems
+        taken += systems.matrix.memory() + systems.solver.memory() + systems.solver.preconditioner.memory()
     assert memory.expected_on_device(case, memory.count(case, support_radius(case))) == pytest.approx(taken, rel=WITHIN)
     assert preview.estimate(case)["memory_bytes"] == pytest.approx(taken, rel=WITHIN)
 
 
 PEAK = """
 import json, sys
-from warpsph.engine import memory
+from warpsph.running import memory
 from warpsph.case.case import Case
 from warpsph.scene.geometry import build
-from warpsph.schemes.physics import support_radius
+from warpsph.scene.physics import support_radius
 
 def status(name):
     return next(1024 * int(row.split()[1]) for row in open("/proc/self/status") if row.startswith(name))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from warpsph.case.case import Case
-from warpsph.engine.model import Model
+from warpsph.running.model import Model
 
 ACROSS = 24
 DROP = {

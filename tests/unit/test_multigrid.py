@@ -10,9 +10,9 @@ import pytest
 import warp as wp
 
 from warpsph.engine.launch import Bindings, Launcher
-from warpsph.engine.model import quiet_warp
 from warpsph.errors import CapacityError
 from warpsph.kernels.linear import grid_cycle as mg
+from warpsph.running.model import quiet_warp
 from warpsph.solvers.linear_solver import LinearSolver
 from warpsph.solvers.multigrid import WIDE, Multigrid, periodic_cells, plan_levels, sweep_weights
 

@@ -11,8 +11,8 @@ from tests.scenes import FULL, case_of
 from warpsph import simulation
 from warpsph.case.case import Case
 from warpsph.engine.launch import Launcher
-from warpsph.engine.model import Model, quiet_warp
 from warpsph.running import preview
+from warpsph.running.model import Model, quiet_warp
 from warpsph.scene import borders, packing
 from warpsph.scene.borders import VOID, Interface, find_interface, volume_factors
 from warpsph.scene.geometry import build

@@ -6,10 +6,10 @@ import pytest
 
 from tests.scenes import PERIODIC, case_of
 from warpsph.case.case import Case
-from warpsph.engine.model import Model
 from warpsph.errors import CaseError
+from warpsph.running.model import Model
 from warpsph.scene.geometry import build
-from warpsph.schemes.physics import derive, support_radius
+from warpsph.scene.physics import derive, support_radius
 
 LAPLACE = 1.0 / math.sqrt(1 / math.pi)  # sigma/R of the droplet below, of its area [Pa]
 

@@ -23,8 +23,8 @@ from warpsph.kernels.isph.projection import (
     SMALLEST_MOMENT,
     UNSURE,
 )
-from warpsph.schemes import isph
-from warpsph.schemes.incompressible import row_shares
+from warpsph.schemes import isph_program as isph
+from warpsph.schemes.isph_physics import row_shares
 
 SPACING = 0.1
 WATER = Fluid(density=4.0, viscosity=0.3)

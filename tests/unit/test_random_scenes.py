@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from warpsph.case.case import Case
-from warpsph.engine.model import Model
+from warpsph.running.model import Model
 
 SCRIPTS = Path(__file__).resolve().parents[2] / "scripts"
 SEEDS = range(1, 61)

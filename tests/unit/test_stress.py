@@ -15,7 +15,7 @@ import pytest
 from warpsph.case.case import Case
 from warpsph.measure.gauges import ContourGauge, EnergyGauge, PhaseEos
 from warpsph.scene.geometry import build
-from warpsph.schemes.physics import smoothing_ratio, support_radius
+from warpsph.scene.physics import smoothing_ratio, support_radius
 from warpsph.snapshot import FLUID, Snapshot
 
 SCRIPT = Path(__file__).resolve().parents[2] / "scripts" / "stress.py"
@@ -273,9 +273,9 @@ def test_a_run_from_start_to_end(stress):
 
 
 def test_a_run_that_fails_is_a_row_too(stress, monkeypatch):
-    import warpsph.engine.model
+    import warpsph.running.model
 
-    class Failing(warpsph.engine.model.Model):
+    class Failing(warpsph.running.model.Model):
         def __init__(self, *arguments, **keywords):
             super().__init__(*arguments, **keywords)
             steps = self.stepper.run
@@ -289,7 +289,7 @@ def test_a_run_that_fails_is_a_row_too(stress, monkeypatch):
 
             self.stepper.run = run
 
-    monkeypatch.setattr(warpsph.engine.model, "Model", Failing)
+    monkeypatch.setattr(warpsph.running.model, "Model", Failing)
     row = stress.run("bubble", stress.Point(density_ratio=100.0, resolution=5), 40, "cpu", 1)
     assert not row["criteria"]["survives"]["ok"] and " at (" in row["fault"] and row["fault"].startswith("step 21: ")
     assert row["samples"][-1]["step"] == 20 and row["criteria"]["strays"]["ok"]

@@ -9,7 +9,7 @@ from tests.helpers import Bench, Fluid, Setup, full, lattice
 from warpsph.kernels.core.pair import NEAR
 from warpsph.kernels.core.smoothing import KERNELS
 from warpsph.kernels.core.spec import Spec
-from warpsph.schemes import riemann
+from warpsph.schemes import riemann_program as riemann
 
 BASE = Spec(dimension=2, precision="float64")
 PLUS_MORRIS = dataclasses.replace(BASE, periodic=(True, True), multiphase=True, viscosity="morris")

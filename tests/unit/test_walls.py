@@ -9,7 +9,7 @@ import warp as wp
 from tests.helpers import Bench, Fluid, lattice
 from warpsph.kernels.core.spec import Spec, types_of
 from warpsph.kernels.riemann.load import make_load
-from warpsph.schemes import riemann
+from warpsph.schemes import riemann_program as riemann
 
 SPACING = 0.1
 WATER = Fluid(density=4.0, viscosity=0.3)

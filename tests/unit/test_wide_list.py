@@ -120,7 +120,7 @@ def compare_layouts(name, device):
         assert run.model.stepper.spec.wide_list == (entries == DEEP)
         assert run.model.steps > 3
         if scene in (TANK, COUETTE):
-            assert run.model.stepper.matrix.wide == (entries == DEEP)
+            assert run.model.stepper.systems.matrix.wide == (entries == DEEP)
     for key in states[0]:
         np.testing.assert_array_equal(states[0][key], states[1][key], err_msg=key)
 

@@ -55,6 +55,8 @@ from warpsph.case.values import (
 )
 from warpsph.case.yaml_text import Tree, apply_override, placed, read_file
 from warpsph.errors import CaseError, Problem
+from warpsph.schemes import registry
+from warpsph.schemes.base import Scheme
 
 
 class Case(CaseModel):
@@ -296,6 +298,11 @@ class Case(CaseModel):
     def sides(self) -> tuple[AxisBoundary, ...]:
         """The sides of the domain, one entry an axis of this dimension."""
         return tuple(getattr(self.domain.boundary, axis) for axis in AXES[: self.dimension])
+
+    @property
+    def scheme(self) -> Scheme:
+        """The scheme that `numerics.scheme` names."""
+        return registry.find(self.numerics.scheme)
 
     @property
     def periodic(self) -> tuple[bool, ...]:

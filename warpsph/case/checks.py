@@ -15,7 +15,6 @@ from warpsph.case.drafts import Problems, guarded
 from warpsph.case.magnitudes import check_inputs
 from warpsph.case.places import dig
 from warpsph.errors import MISSING, Problem
-from warpsph.schemes import registry
 
 
 def cross_check(case: Any, folder: Path | None, raw: Any) -> list[Problem]:
@@ -31,7 +30,7 @@ def _as_written(problem: Problem, raw: Any) -> Problem:
 
 
 def check_numerics(case: Any, _folder: Path | None, _raw: Any) -> Problems:
-    yield from registry.find(case.numerics.scheme).check(case)
+    yield from case.scheme.check(case)
 
 
 _CHECKS: tuple[Callable[[Any, Path | None, Any], Problems], ...] = (

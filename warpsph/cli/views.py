@@ -46,7 +46,10 @@ def print_plan(case: Case) -> None:
     print_table(
         "Stages of one step, in order",
         ["", "stage", "why"],
-        [(str(number), stage["name"], stage["reason"]) for number, stage in enumerate(plan["stages"], 1)],
+        [
+            (str(number), "  " * stage["depth"] + stage["name"], stage["reason"])
+            for number, stage in enumerate(plan["stages"], 1)
+        ],
     )
     if plan["absent"]:
         print_table(

@@ -8,14 +8,16 @@ and `slot` (number of the thread, where each may keep a maximum of its own).
 
 from __future__ import annotations
 
+import difflib
 import queue
 import threading
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from typing import Any
 
 import warp as wp
 
+OWN = frozenset({"first", "slot"})  # arguments that a launch gives itself
 SMALLEST_SHARE = 256  # items below which a launch is not worth splitting
 
 
@@ -65,28 +67,51 @@ class ThreadTeam:
 
 
 class Bindings(dict[str, Any]):
-    """Values for kernel arguments by name; an array that the run does not have is bound to an empty one."""
+    """Values for kernel arguments by name; a declared array that the run does not have is bound to an empty one.
 
-    def __init__(self, device: Any, values: Mapping[str, Any]) -> None:
+    Args:
+        device: Warp device.
+        values: by argument name.
+        declared: names of arrays that may be absent by the structure of the run.
+    """
+
+    def __init__(self, device: Any, values: Mapping[str, Any], declared: Iterable[str] = ()) -> None:
         super().__init__(values)
         self.device = device
+        self.declared = frozenset(declared)
         self._empty: dict[Any, Any] = {}
 
+    def check(self, kernel: Any, special: Collection[str] = ()) -> None:
+        """Refuse a kernel with an argument that is neither bound nor a declared array; nothing is compiled for that.
+
+        Raises:
+            KeyError: names kernel and argument, and for an array the declared name that is most like it.
+        """
+        for argument in kernel.adj.args:
+            name = argument.label
+            if name in self or name in special or name in OWN:
+                continue
+            if not isinstance(argument.type, wp.array):
+                raise KeyError(f"{kernel.key}: no value for argument {name!r}")
+            if name not in self.declared:
+                near = difflib.get_close_matches(name, [*self.declared, *self], 1)
+                hint = f"; did you mean {near[0]!r}?" if near else "; declare a field or a work array of that name"
+                raise KeyError(f"{kernel.key}: argument {name!r} is an array that nobody declares{hint}")
+
     def arguments(self, kernel: Any, special: Mapping[str, Any]) -> list[Any]:
-        """Return the argument list of a kernel; raises KeyError if a scalar or struct is missing."""
+        """Return the argument list of a kernel; raises KeyError as `check`."""
+        self.check(kernel, special)
         result = []
         for argument in kernel.adj.args:
             if argument.label in special:
                 result.append(special[argument.label])
             elif argument.label in self:
                 result.append(self[argument.label])
-            elif isinstance(argument.type, wp.array):
+            else:
                 dtype = argument.type.dtype
                 if dtype not in self._empty:
                     self._empty[dtype] = wp.empty(0, dtype=dtype, device=self.device)
                 result.append(self._empty[dtype])
-            else:
-                raise KeyError(f"{kernel.key}: no value for argument {argument.label!r}")
         return result
 
 

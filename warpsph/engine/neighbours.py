@@ -15,7 +15,7 @@ import numpy as np
 import warp as wp
 
 from warpsph.engine.launch import Bindings, Launcher, Task
-from warpsph.engine.particles import Particles
+from warpsph.engine.population import Population
 from warpsph.errors import CapacityError
 from warpsph.kernels.core import cells, slack
 from warpsph.kernels.core.clock import BAND_COUNT, make_judge
@@ -82,7 +82,7 @@ class NeighbourList:
 
     def __init__(
         self,
-        particles: Particles,
+        particles: Population,
         launcher: Launcher,
         bindings: Bindings,
         lower: Sequence[float],
@@ -108,12 +108,14 @@ class NeighbourList:
         grid.box = vec(*(float(u - low) if p else 0.0 for low, u, p in zip(lower, upper, periodic, strict=True)))
         grid.nx, grid.ny, grid.nz = (counts + [1, 1])[:3]
         cell_count = math.prod(counts)
-        grid.cell_count = cell_count
+        # particles that died are sorted into a cell of their own behind those of the fluid
+        block = cell_count + int(spec.changing)
+        grid.cell_count = block
         grid.list_radius2 = self.list_radius**2
-        n = particles.count
+        n = particles.capacity
         kinds = 2 if particles.wall_count else 1
-        if cell_count * kinds >= MOST_CELLS:
-            rule = f"{cell_count * kinds} cells of the neighbour search are more than the {MOST_CELLS} that can be numbered"
+        if block * kinds >= MOST_CELLS:
+            rule = f"{block * kinds} cells of the neighbour search are more than the {MOST_CELLS} that can be numbered"
             raise CapacityError(f"domain: {rule}; make the domain smaller or particle_spacing larger", key="domain")
         if n > MOST_PARTICLES:
             rule = f"{n} particles are more than the {MOST_PARTICLES} that a list can number"
@@ -122,8 +124,8 @@ class NeighbourList:
             rule = f"a list with mirror images numbers at most {2 ** code_shift(spec.dimension)} particles"
             raise CapacityError(f"{n} particles: {rule}; make the sides of the domain periodic or open")
         bindings.setdefault("sides", make_sides(spec.dimension, spec.precision)())
-        self.key_bits = max(1, (cell_count * kinds).bit_length())
-        self.cell_start = wp.zeros(cell_count * kinds + 1, dtype=int, device=device)
+        self.key_bits = max(1, (block * kinds).bit_length())
+        self.cell_start = wp.zeros(block * kinds + 1, dtype=int, device=device)
         self.sort_keys = wp.zeros(2 * n, dtype=int, device=device)
         self.sort_order = wp.zeros(2 * n, dtype=int, device=device)
         self.list_peak = wp.zeros(launcher.threads, dtype=int, device=device)
@@ -160,7 +162,7 @@ class NeighbourList:
             CapacityError: more neighbours than 16 bits count, or more entries than fit in the device's memory.
         """
         width = (width + 3) // 4 * 4
-        n = self.particles.count
+        n = self.particles.capacity
         if width > WIDEST:
             raise CapacityError(
                 f"neighbour list: a particle with up to {width} neighbours has more than the {WIDEST} that can be counted; "
@@ -185,11 +187,15 @@ class NeighbourList:
         self.tasks = self._make_tasks(moving=True)
         self.tasks_again = self._make_tasks(moving=False)
 
+    def widen(self, peak: int) -> None:
+        """Give every particle room for the `peak` neighbours of one, and some to spare; raises CapacityError as `resize`."""
+        self.resize(min(int(1.2 * peak) + 4, max(peak + 1, WIDEST - 7)))
+
     def _too_large(self, width: int, reason: str) -> str:
         """Return the message for a list of so many entries a particle that the memory does not hold, with a way out."""
-        from warpsph.engine.memory import device_free, host_free
+        from warpsph.running.memory import device_free, host_free
 
-        n, device = self.particles.count, self.particles.device
+        n, device = self.particles.capacity, self.particles.device
         need = 4 * width * n
         text = f"neighbour list: {n} particles with room for {width} neighbours each need {need} bytes on {device}"
         free = host_free() if device.is_cpu else device_free(device)
@@ -218,7 +224,7 @@ class NeighbourList:
     def _make_tasks(self, moving: bool) -> list[Task]:
         spec = self.spec
         launcher, bindings, particles = self.launcher, self.bindings, self.particles
-        n, fluid, wall = particles.count, particles.fluid_count, particles.wall_count
+        n, fluid, wall = particles.capacity, particles.fluid_capacity, particles.wall_count
         tasks = [launcher.task("keys", cells.make_keys(spec), fluid, bindings, special={"moving": int(moving)})]
         if wall:
             tasks.append(launcher.task("keys", cells.make_keys(spec), wall, bindings, fluid, special={"moving": 0}))
@@ -246,6 +252,9 @@ class NeighbourList:
             tasks.append(Task("permute", _copier(array, scratch, rows)))
         tasks += self.leak_tasks("anchor")
         tasks.append(launcher.task("ranges", cells.make_ranges(), self.cell_start.shape[0], bindings))
+        if spec.changing:
+            special = {"dead_cell": self.cell_count}
+            tasks.append(launcher.task("ranges", cells.make_live(), 1, bindings, single=True, special=special))
         tasks.append(launcher.task("list", cells.make_list(spec), n, bindings))
         if spec.interface:
             mark, gather = cells.make_band(spec)
@@ -270,7 +279,7 @@ class NeighbourList:
         if not self._counts_leaks:
             return []
         count, close = make_leaks(self.particles.spec)
-        fluid = self.particles.fluid_count
+        fluid = self.particles.fluid_capacity
         special = {"place": self.particles.arrays[place]}
         return [
             self.launcher.task("leaks", count, fluid, self.bindings, special=special),

@@ -10,7 +10,7 @@ import numpy as np
 from warpsph.kernels.core.params import LEAST_DENSITY
 
 if TYPE_CHECKING:
-    from warpsph.engine.model import Model
+    from warpsph.running.model import Model
 
 
 def runaway_particle(model: Model, row: int) -> tuple[int, str, str, str]:

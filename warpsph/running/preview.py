@@ -9,9 +9,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from warpsph.case.case_file import as_case
-from warpsph.engine import memory
+from warpsph.engine.program import lines
+from warpsph.running import memory
 from warpsph.scene.geometry import build
-from warpsph.schemes.physics import derive, support_radius
+from warpsph.scene.physics import derive, support_radius
 
 if TYPE_CHECKING:
     from warpsph.case.case import Case
@@ -30,9 +31,6 @@ def describe(case: CaseLike) -> dict[str, Any]:
     Raises:
         CapacityError: the particles do not fit the memory of this machine.
     """
-    from warpsph import schemes
-    from warpsph.kernels.core.fields import fields_of
-
     case = as_case(case)
     refused = memory.shortage(case)
     if refused is not None:
@@ -55,11 +53,13 @@ def describe(case: CaseLike) -> dict[str, Any]:
             "support radius": f"{physics.support:.6g} m",
             "start arrangement": f"{geometry.arrangement}: {geometry.arrangement_reason}",
             "step limits": {name: f"{value:.4g} s" for name, value in physics.step_cap.items()},
-            "fields": [field.name for field in fields_of(spec)],
+            "fields": [field.name for field in case.scheme.fields() if field.exists(spec)],
         },
         "reasons": {**physics.reasons, "start.arrangement": geometry.arrangement_reason},
-        "stages": [{"name": stage.name, "reason": stage.reason} for stage in schemes.of(spec).step(spec)],
-        "absent": [{"name": row.name, "reason": row.reason} for row in schemes.of(spec).absent(spec)],
+        "stages": [
+            {"name": name, "reason": reason, "depth": depth} for depth, name, reason in lines(case.scheme.program(spec).step)
+        ],
+        "absent": [{"name": row.name, "reason": row.reason} for row in case.scheme.absent(spec)],
         "warnings": [*geometry.warnings, *physics.warnings],
     }
 
@@ -96,10 +96,6 @@ def estimate(case: CaseLike) -> dict[str, Any]:
             f"a device with {taken / 1e9:.3g} GB, or a larger particle_spacing"
         )
     dt = physics.estimated_step()
-    if spec.scheme == "isph":
-        from warpsph.schemes import incompressible
-
-        dt = incompressible.expected_step(case, physics)
     steps = math.ceil(case.end_time / dt)
     return {
         "particles": fluid,

@@ -14,7 +14,7 @@ from warpsph.files import checkpoint
 
 if TYPE_CHECKING:
     from warpsph.case.case import Case
-    from warpsph.engine.model import Model
+    from warpsph.running.model import Model
 
 REACHED = 1.0e-12  # a time counts as reached within this share of it: the sum of the steps is rounded
 SAME_CASE = "restart with the case of its run"

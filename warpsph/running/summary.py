@@ -40,7 +40,7 @@ def solver_warnings(totals: Mapping[str, Any]) -> list[str]:
 
 def machine() -> dict[str, Any]:
     """Return what the run is on."""
-    from warpsph.engine.model import default_threads
+    from warpsph.running.model import default_threads
 
     return {
         "system": platform.platform(),

@@ -112,7 +112,7 @@ def build(case: Case, support: float, unlock: float = 0.0, arrange: Arrange | No
     problems: list[Problem] = []
 
     walls = WallCells(case, lattice)
-    if case.numerics.scheme != "isph":  # there the sides are mirrors
+    if not case.scheme.mirrors_sides:
         walls.add_sides()
     walls.add_obstacles(problems)
     region = fluid_regions(case, lattice, walls.solid_in_domain(), problems)

@@ -19,9 +19,10 @@ import warp as wp
 
 from warpsph.engine.launch import Bindings, Task
 from warpsph.engine.neighbours import NeighbourList, default_width
-from warpsph.engine.particles import Particles
+from warpsph.engine.population import Population
 from warpsph.kernels.core import clock as ck
 from warpsph.kernels.core.cloud import ROW, make_cloud, make_packing
+from warpsph.kernels.core.fields import COMMON, FLOW
 from warpsph.kernels.core.params import make_params
 from warpsph.kernels.core.smoothing import KERNELS
 from warpsph.kernels.core.spec import Spec, types_of
@@ -111,7 +112,7 @@ class Packer:
             row_list=launcher.is_cpu,
         )
         real, vec, _, _ = types_of(spec)
-        particles = Particles(spec, n, len(fixed), device)
+        particles = Population(spec, (*COMMON, *FLOW), n, len(fixed), device)
         every = np.concatenate([start, fixed])
         particles.put("anchor", every)
         particles.put("position", every)
@@ -136,10 +137,10 @@ class Packer:
         cloud.high = vec(*np.where(periodic, 1.0e30, np.maximum(box - ROW, 0.5 * box)).tolist())
         cloud.nx, cloud.ny, cloud.nz = (*regions.lattice.count, 1, 1)[:3]
         cells = _by_cell(regions, interface)
-        bindings = Bindings(device, {"params": params, "cloud": cloud})
+        bindings = Bindings(device, {"params": params, "cloud": cloud}, particles.declared)
         bindings.update(particles.arrays)
         bindings.update(
-            particle_count=particles.count,
+            particle_count=particles.capacity,
             fluid_count=n,
             clock=wp.zeros(ck.CLOCK_SIZE, dtype=wp.float64, device=device),
             counters=wp.zeros(ck.COUNTERS_SIZE, dtype=int, device=device),

@@ -2,28 +2,53 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    import numpy as np
+
     from warpsph.case.numerics import NumericsBase
+    from warpsph.engine.level import Level, Systems
+    from warpsph.engine.population import Population
+    from warpsph.engine.program import Absent, Program
     from warpsph.errors import Problem
+    from warpsph.kernels.core.fields import Field
+    from warpsph.kernels.core.spec import Spec
+    from warpsph.scene.geometry import Geometry
+    from warpsph.scene.physics import Physics
 
 __all__ = ["Scheme"]
 
 
 class Scheme:
-    """A way to solve the equations of a scene.
+    """A way to solve the equations of a scene; it owns all that is its own, and no other file asks which scheme runs.
+
+    What a scheme must have: `name`, `summary`, `numerics`, `derive`, `fields`, `program`. All else has a default.
 
     Attributes:
         name: what `numerics.scheme` calls it.
         summary: one line about it.
         numerics: model of the section `numerics` of its cases.
+        mirrors_sides: walls at sides of the domain are mirror images of the fluid, not particles.
+        printed_ratio: smoothing length over spacing of `formulation: paper`, or None for the usual one.
+        skin: of the neighbour list, as share of the support radius, where the case says `auto`.
+        shifts: particles are shifted whatever the pressure gradient is, for the estimate of memory.
+        staggered: velocities are half a step behind positions, as of a leapfrog.
+        work: names of arrays beside the fields that kernels ask for and that may be absent.
     """
 
     name: str
     summary: str
     numerics: type[NumericsBase]
+    mirrors_sides: bool = False
+    printed_ratio: float | None = None
+    skin: float = 0.12
+    shifts: bool = False
+    staggered: bool = False
+    work: frozenset[str] = frozenset()
+
+    # a case ------------------------------------------------------------------------------------------------------------
 
     def check(self, case: Any) -> Iterator[Problem]:
         """Yield what is wrong with a case of this scheme, beyond its single values.
@@ -32,3 +57,51 @@ class Scheme:
             that uses it; it has been reported.
         """
         yield from ()
+
+    def derive(self, case: Any, geometry: Geometry, row_list: bool) -> Physics:
+        """Return the numbers of a run: structure, what `auto` comes to and why, sound speeds, limits of the time step.
+
+        Raises:
+            CaseError: the scene does not suit the scheme.
+        """
+        raise NotImplementedError
+
+    # what runs -----------------------------------------------------------------------------------------------------------
+
+    def fields(self) -> Sequence[Field]:
+        """Return the declarations of all its particle fields."""
+        raise NotImplementedError
+
+    def program(self, spec: Spec) -> Program:
+        """Return what runs for a structure."""
+        raise NotImplementedError
+
+    def absent(self, spec: Spec) -> list[Absent]:
+        """Return what a step leaves out for a structure, and why."""
+        return []
+
+    # the start -----------------------------------------------------------------------------------------------------------
+
+    def fill(self, population: Population, case: Any, geometry: Geometry, physics: Physics) -> None:
+        """Put the start values into fields beside anchor, position, velocity, phase, id and those of the walls."""
+
+    def values(self, params: Any, case: Any, physics: Physics) -> dict[str, Any]:
+        """Set its members of `params`, and return further kernel arguments by name."""
+        return {}
+
+    def set_clock(self, clock: np.ndarray, counters: np.ndarray, physics: Physics) -> None:
+        """Set its entries of the clock, see `kernels/core/clock.py`, in place."""
+
+    def systems(self, case: Any, geometry: Geometry, physics: Physics) -> Callable[[Level], Systems] | None:
+        """Return what makes its linear systems for a level, or None if it has none."""
+        return None
+
+    # what is read off a run -----------------------------------------------------------------------------------------
+
+    def material(self, population: Population, case: Any, phase: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return (density [kg/m^3], mass [kg]; 2-D: kg/m) of each fluid particle, from the phase of each."""
+        raise NotImplementedError
+
+    def memory_beside(self, spec: Spec, fluid: int, entries: int) -> int:
+        """Return the bytes on the device beside fields and list, of so many particles with so many list entries each."""
+        return 0

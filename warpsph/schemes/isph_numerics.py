@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from pydantic import Field
 
 from warpsph.case.numerics import Auto, NumericsBase, Switch
 from warpsph.case.values import ChoiceRule, NumberRule
-from warpsph.errors import Problem
-from warpsph.schemes.base import Scheme
-from warpsph.solvers.accuracy import attainable
 
-__all__ = ["IsphNumerics", "IsphScheme"]
+__all__ = ["IsphNumerics"]
 
 
 class IsphNumerics(NumericsBase):
@@ -99,28 +95,3 @@ class IsphNumerics(NumericsBase):
     maximum_iterations: Annotated[int, NumberRule(least=1, most=1_000_000, integer=True)] = Field(
         default=1000, description="iterations after which a solve is given up", examples=["1000"]
     )
-
-
-class IsphScheme(Scheme):
-    """Incompressible SPH by a projection."""
-
-    name = "isph"
-    summary = "projection ISPH, one incompressible phase"
-    numerics = IsphNumerics
-
-    def check(self, case: Any) -> Iterator[Problem]:
-        """Yield what the scheme cannot do: several phases, surface tension, forces on walls, a tolerance out of reach."""
-        if len(case.phases) > 1:
-            rule = f"takes one phase, the case has {len(case.phases)}"
-            yield Problem("numerics.scheme", "isph", rule, "write scheme: riemann, or leave one phase")
-        if len(case.surface_tension) > 0:
-            rule = "does not act with scheme: isph"
-            yield Problem("surface_tension", len(case.surface_tension), rule, "write scheme: riemann, or delete it")
-        least = attainable(case.precision)
-        if case.numerics.tolerance < least:
-            remedy = f"write at least {least:g}" + (", or precision: float64" if case.precision == "float32" else "")
-            yield Problem("numerics.tolerance", case.numerics.tolerance, f"is out of reach in {case.precision}", remedy)
-        for name, gauge in case.gauges.items():
-            if gauge.type == "wall_force":
-                rule = "needs wall particles, which scheme: isph has at obstacles alone, and their pressure"
-                yield Problem(f"gauges.{name}.type", gauge.type, rule, "use a gauge of type points at the wall")

@@ -16,8 +16,8 @@ DEFAULT = "riemann"
 
 # name -> the class of the scheme, as module:class
 _BUILT_IN = {
-    "riemann": "warpsph.schemes.riemann_numerics:RiemannScheme",
-    "isph": "warpsph.schemes.isph_numerics:IsphScheme",
+    "riemann": "warpsph.schemes.riemann_scheme:RiemannScheme",
+    "isph": "warpsph.schemes.isph_scheme:IsphScheme",
 }
 _known: dict[str, Scheme] = {}
 

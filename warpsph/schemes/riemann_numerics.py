@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from pydantic import Field
 
 from warpsph.case.numerics import Auto, NumericsBase, Switch
 from warpsph.case.values import ChoiceRule, NumberRule
-from warpsph.errors import Problem
-from warpsph.schemes.base import Scheme
 
-__all__ = ["RiemannNumerics", "RiemannScheme"]
+__all__ = ["RiemannNumerics"]
 
 
 class RiemannNumerics(NumericsBase):
@@ -77,23 +74,3 @@ class RiemannNumerics(NumericsBase):
         description="factor on the pressure-difference term of the star velocity",
         examples=["1"],
     )
-
-
-class RiemannScheme(Scheme):
-    """Weakly compressible SPH with a Riemann problem for each pair of particles."""
-
-    name = "riemann"
-    summary = "weakly compressible Riemann SPH, any number of phases"
-    numerics = RiemannNumerics
-
-    def check(self, case: Any) -> Iterator[Problem]:
-        """Yield what needs a closed or periodic domain and has none."""
-        rate = case.numerics.room_rate
-        if rate != "auto" and rate > 0 and case.has_open_sides:
-            rule = "needs a closed or periodic domain: at a free surface the window of a particle is cut"
-            yield Problem("numerics.room_rate", rate, rule, "write auto or 0")
-        if case.numerics.volume_constraint is True:
-            for axis, sides in zip("xyz", case.sides, strict=False):
-                if "open" in (sides.lower.kind, sides.upper.kind):
-                    rule = f"needs a closed or periodic domain, {axis} is open"
-                    yield Problem("numerics.volume_constraint", True, rule, "write auto or false")

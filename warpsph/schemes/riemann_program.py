@@ -6,8 +6,7 @@ pressure gradient, leapfrog with one continuity and one momentum sweep.
 
 from __future__ import annotations
 
-import dataclasses
-
+from warpsph.engine.program import Absent, BuildList, KeepList, Node, Program, Rarely, Stage
 from warpsph.kernels.core.clock import make_advance
 from warpsph.kernels.core.spec import Spec
 from warpsph.kernels.core.wall import make_wall
@@ -20,22 +19,31 @@ from warpsph.kernels.riemann.interface_flow import make_interface_flow
 from warpsph.kernels.riemann.load import make_load
 from warpsph.kernels.riemann.momentum import make_momentum
 from warpsph.kernels.riemann.volume import make_volume
-from warpsph.schemes.stage import Absent, Stage
 
 
-def step(spec: Spec) -> list[Stage]:
-    """Return the stages of one time step for a `Spec`, in order; the rare ones follow each other."""
-    stages = [
+def program(spec: Spec) -> Program:
+    """Return what runs for a `Spec`."""
+    measures: dict[str, list[Node]] = {"interface": []}
+    if spec.interface and spec.tension == "none":
+        measures["interface"] = [*geometry(spec)]
+    if spec.walls:
+        measures["wall_load"] = [wall_load(spec)]
+    return Program(step=step(spec), start=start(spec), advance=advance(spec), measures=measures)
+
+
+def step(spec: Spec) -> list[Node]:
+    """Return the nodes of one time step, in order."""
+    rare = [*constraints(spec), *tension(spec)]
+    return [
         Stage("kick_drift", make_kick_drift(spec), "fluid", "moves the particles"),
         *sides(spec),
         Stage("continuity", make_continuity(spec), "fluid", "density and pressure from star velocities"),
         *walls(spec),
+        *([Rarely(rare)] if rare else []),
+        Stage("momentum", make_momentum(spec), "fluid", "acceleration from star pressures"),
+        advance(spec),
+        KeepList(),
     ]
-    # what changes at the pace of the flow, not of sound
-    stages += [dataclasses.replace(stage, rare=True) for stage in (*constraints(spec), *tension(spec))]
-    stages.append(Stage("momentum", make_momentum(spec), "fluid", "acceleration from star pressures"))
-    stages.append(advance(spec))
-    return stages
 
 
 def constraints(spec: Spec) -> list[Stage]:
@@ -54,9 +62,11 @@ def constraints(spec: Spec) -> list[Stage]:
     return stages
 
 
-def start(spec: Spec) -> list[Stage]:
-    """Return the stages that complete a start: state from density, list (by the stepper), then the acceleration."""
+def start(spec: Spec) -> list[Node]:
+    """Return the nodes that complete a start: state from density, list, then the acceleration."""
     return [
+        state(spec),
+        BuildList("the first list"),
         *sides(spec),
         *walls(spec),
         *tension(spec),

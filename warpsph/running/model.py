@@ -11,10 +11,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import warp as wp
 
-from warpsph.engine import memory
+from warpsph.engine.device_clock import DeviceClock
 from warpsph.engine.launch import Launcher
+from warpsph.engine.level import Level
 from warpsph.engine.neighbours import default_width
-from warpsph.engine.particles import Particles
+from warpsph.engine.population import Population
 from warpsph.engine.stepper import Stepper
 from warpsph.kernels.core import clock as ck
 from warpsph.kernels.core.leaks import LARGEST, LAST
@@ -22,9 +23,10 @@ from warpsph.kernels.core.mirror import FREE_SLIP, NO_SLIP, NO_WALL, make_sides
 from warpsph.kernels.core.params import make_params, make_phase
 from warpsph.kernels.core.smoothing import KERNELS, window_integral
 from warpsph.kernels.core.spec import types_of
+from warpsph.running import memory
 from warpsph.scene.geometry import Geometry, build
 from warpsph.scene.packing import Packer
-from warpsph.schemes.physics import Physics, contact_matrix, derive, support_radius
+from warpsph.scene.physics import Physics, contact_matrix, derive, support_radius
 from warpsph.snapshot import Snapshot
 from warpsph.start import start_warp
 
@@ -32,8 +34,6 @@ if TYPE_CHECKING:
     from warpsph.case.case import Case
 
 KEPT_COUNTERS = (ck.STEPS, ck.REBUILDS, ck.STEPS_SINCE_RARE, ck.CHECKS, ck.STRAIGHT, ck.USELESS)
-RARE_WAY = 0.05  # way of the fastest particle, as share of h, after which the rare stages run again
-SHIFT_CAP = 0.01  # longest shift of a step as share of h
 
 
 def quiet_warp(device: str = "cpu") -> None:
@@ -78,7 +78,7 @@ class Model:
         preparing: Callable[[int], None] | None = None,
     ) -> None:
         quiet_warp(device)
-        self.case = case
+        self.case, self.scheme = case, case.scheme
         self.device = wp.get_device(device)
         self.launcher = Launcher(self.device, threads or default_threads(), preparing)
         if geometry is None:
@@ -96,9 +96,8 @@ class Model:
             arrange = Packer(self.launcher) if fitted else None
             del self.geometry  # of millions of particles there is no room for two
             self.geometry = build(case, self.physics.support, unlock, arrange)
-        self.particles = Particles(
-            self.physics.spec, self.geometry.fluid_count, self.geometry.wall_count, self.device
-        )
+        counts = self.geometry.fluid_count, self.geometry.wall_count
+        self.particles = Population(self.physics.spec, self.scheme.fields(), *counts, self.device)
         self._fill()
         self.stepper = self._make_stepper()
         self._leak_tasks = self.stepper.list.leak_tasks("position")
@@ -108,31 +107,13 @@ class Model:
     def _fill(self) -> None:
         """Put the start values into the fields."""
         geometry, particles, case = self.geometry, self.particles, self.case
-        nf = particles.fluid_count
+        nf = geometry.fluid_count
         particles.put("anchor", geometry.position)
         particles.put("position", geometry.position)
-        velocity = np.where((geometry.kind == 1)[:, None], geometry.boundary_velocity, geometry.velocity)
-        particles.put("velocity", velocity)
+        particles.put("velocity", np.where((geometry.kind == 1)[:, None], geometry.boundary_velocity, geometry.velocity))
         particles.put("particle_id", np.arange(geometry.count))
-        phases = [case.phases[name] for name in case.phase_names]
-        phase = geometry.phase[:nf]
-        # density that goes with the start pressure: s = (p/B + 1)^(1/gamma) - 1; the particle fills its lattice cell
-        stiffness = np.array([p.density * c**2 / p.gamma for p, c in zip(phases, self.physics.sound_speed, strict=True)])
-        gamma = np.array([p.gamma for p in phases])
-        excess = np.expm1(np.log1p(np.maximum(geometry.pressure[:nf] / stiffness[phase], -0.9)) / gamma[phase])
-        if self.physics.spec.scheme == "isph":
-            excess[:] = 0.0  # incompressible
-        particles.put("density_excess", excess)
-        particles.put("rest_volume", geometry.volume[:nf] * (1.0 + excess))
-        if "velocity_old" in particles.arrays:
-            particles.put("velocity_old", velocity[:nf])
-            particles.put("pressure", geometry.pressure[:nf])
-            state = np.zeros((geometry.count, 2))
-            state[:, 1] = geometry.volume
-            state[:nf, 0] = geometry.pressure[:nf]
-            particles.put("state", state)
         if "phase" in particles.arrays:
-            particles.put("phase", phase)
+            particles.put("phase", geometry.phase[:nf])
         if "wall_body" in particles.arrays:
             particles.put("wall_body", geometry.body[nf:])
         if "wall_depth" in particles.arrays:
@@ -141,23 +122,50 @@ class Model:
             particles.put("wall_depth", np.linalg.norm(beyond, axis=1))
         if "slip" in particles.arrays:
             particles.put("slip", geometry.wall_slip[nf:])
+        self.scheme.fill(particles, case, geometry, self.physics)
 
     def _make_stepper(self) -> Stepper:
+        """Return the step loop: one clock, and one level of a uniform resolution."""
+        spec = self.physics.spec
+        clock = DeviceClock(spec, self.launcher, *self._clock_start())
+        systems = self.scheme.systems(self.case, self.geometry, self.physics)
+        declared = self.scheme.work
+        level = Level(self.particles, self.launcher, clock, self._values(), self._list_keywords(), systems, declared)
+        return Stepper(self.scheme, [level], clock)
+
+    def _values(self) -> dict[str, Any]:
+        """Return the run-time numbers by kernel argument name."""
+        case, physics, spec = self.case, self.physics, self.physics.spec
+        real = types_of(spec).real
+        params = self._params()
+        own = self.scheme.values(params, case, physics)
+        phases = self._phases()
+        return {
+            "params": params,
+            "sides": self._sides(),
+            "phases": wp.array(phases, dtype=make_phase(spec.precision), device=self.device),
+            "tension": wp.array(physics.tension.ravel(), dtype=real, device=self.device),
+            "phase_count": len(case.phases),
+            # with an open side fluid may come to lie beyond a wall over its rim, else nowhere
+            "wall_thickness": real(physics.support if case.has_open_sides else 1.0e30),
+            **self._solid_cells(),
+            "contact_angles": wp.array(contact_matrix(case).ravel(), dtype=real, device=self.device),
+            **own,
+        }
+
+    def _params(self) -> Any:
+        """Return `Params` with the members that follow from case and kernel; the scheme sets its own."""
         case, physics, spec, geometry = self.case, self.physics, self.physics.spec, self.geometry
-        real, vec, _, _ = types_of(spec)
-        kernel = KERNELS[spec.kernel]
+        vec = types_of(spec).vec
         d, h = spec.dimension, physics.h
-        alpha = kernel.alpha[d - 1]
         lower, upper = geometry.lattice.lower, geometry.lattice.upper
         box = [u - low if p else 0.0 for low, u, p in zip(lower, upper, spec.periodic, strict=True)]
         params = make_params(d, spec.precision)()
         params.h = h
         params.inv_window = 1.0 / physics.support**2
         params.window_norm = 1.0 / window_integral(d, physics.support)
-        if spec.room:
-            params.room = float(physics.choices["room_rate"])
         params.inv_h = 1.0 / h
-        params.g_norm = alpha / h ** (d + 2)
+        params.g_norm = KERNELS[spec.kernel].alpha[d - 1] / h ** (d + 2)
         params.spacing = case.spacing
         params.wall_volume = geometry.lattice.cell_volume
         params.box = vec(*box)
@@ -165,14 +173,15 @@ class Model:
         params.half_box = vec(*(0.5 * b if b > 0 else 1.0e30 for b in box))
         params.gravity = vec(*map(float, case.gravity))
         params.body_force = vec(*map(float, case.body_force))
-        params.dissipation = float(physics.choices.get("velocity_dissipation", 0.0))
-        params.shifting = float(physics.choices["shifting"])
-        params.shift_cap = SHIFT_CAP
-        params.zeta = float(physics.choices.get("interface_force", 0.0))
         params.tiny = (1.0e-6 * h) ** 2
         params.center = vec(*map(float, case.central_force.center if case.central_force else [0.0] * d))
         params.pull = case.central_force.rate ** 2 if case.central_force else 0.0
-        Phase = make_phase(spec.precision)
+        return params
+
+    def _phases(self) -> list[Any]:
+        """Return a `Phase` of each phase of the case."""
+        case, physics = self.case, self.physics
+        Phase = make_phase(physics.spec.precision)
         rows = []
         for name, c in zip(case.phase_names, physics.sound_speed, strict=True):
             given = case.phases[name]
@@ -188,17 +197,11 @@ class Model:
             row.most_excess = physics.most_excess(given.gamma, given.density, c)
             row.mobility = float(physics.choices.get("velocity_dissipation", 0.0)) / (given.density * c)
             rows.append(row)
-        values: dict[str, Any] = {
-            "params": params,
-            "sides": self._sides(),
-            "phases": wp.array(rows, dtype=Phase, device=self.device),
-            "tension": wp.array(physics.tension.ravel(), dtype=real, device=self.device),
-            "phase_count": len(case.phases),
-            # with an open side fluid may come to lie beyond a wall over its rim, else nowhere
-            "wall_thickness": real(physics.support if case.has_open_sides else 1.0e30),
-            **self._solid_cells(),
-            "contact_angles": wp.array(contact_matrix(case).ravel(), dtype=real, device=self.device),
-        }
+        return rows
+
+    def _list_keywords(self) -> dict[str, Any]:
+        """Return the keywords of the neighbour list."""
+        case, physics, spec, geometry = self.case, self.physics, self.physics.spec, self.geometry
         skin = float(physics.choices["skin"])
         width = case.numerics.neighbour_capacity
         if width == "auto":
@@ -206,62 +209,36 @@ class Model:
         margin = physics.support if geometry.wall_count else 0.0
         open_room = 4 * physics.support if case.has_open_sides else 0.0
         room = [0.0 if p else margin + open_room for p in spec.periodic]
-        clock = np.zeros(ck.CLOCK_SIZE)
-        clock[ck.STEP_CAP] = min(physics.step_cap.values(), default=math.inf)
-        clock[ck.COURANT] = float(physics.choices["courant"]) * h
-        clock[ck.SOUND] = max(physics.sound_speed)
-        clock[ck.FORCE] = 0.25 * math.sqrt(h)
-        clock[ck.SKIN] = skin * physics.support
-        clock[ck.FARTHEST] = 0.25 * (1.0 + skin) * physics.support
-        clock[ck.CHECK_LASTS] = -1.0
-        clock[ck.BOX_VOLUME] = float(geometry.volume[: geometry.fluid_count].sum())
-        clock[ck.RUNAWAY] = physics.runaway
-        clock[ck.RARE_LIMIT] = RARE_WAY * h
-        clock[ck.RARE_CAP] = physics.step_cap.get("surface tension", math.inf)
-        clock[ck.MOMENTUM : ck.MOMENTUM + d] = self._mean_velocity()
-        counters = np.zeros(ck.COUNTERS_SIZE, dtype=np.int32)
-        counters[ck.FAULT_PARTICLE] = ck.NO_PARTICLE
-        neighbour_list = {
-            "lower": [low - r for low, r in zip(lower, room, strict=True)],
-            "upper": [u + r for u, r in zip(upper, room, strict=True)],
+        return {
+            "lower": [low - r for low, r in zip(geometry.lattice.lower, room, strict=True)],
+            "upper": [u + r for u, r in zip(geometry.lattice.upper, room, strict=True)],
             "periodic": spec.periodic,
             "support": physics.support,
             "skin": skin,
             "width": int(width),
         }
-        if spec.scheme == "riemann":
-            return Stepper(spec, self.particles, self.launcher, values, neighbour_list, clock, counters)
-        from warpsph.engine.projection_stepper import ProjectionStepper
-        from warpsph.schemes import incompressible
 
-        choices = physics.choices
-        params.shift_cap = incompressible.SHIFT_CAP
-        params.feedback = float(choices["volume_feedback"])
-        params.filter = float(choices["surface_filter"])
-        first_row, second_row = incompressible.row_shares(spec, physics.h / case.spacing)
-        clock[ck.SOUND] = 0.0
-        if spec.implicit_viscosity:
-            clock[ck.VISCOUS_STEP], clock[ck.CHANGE] = physics.viscous_step, incompressible.CHANGE
-        clock[ck.SKIN] = clock[ck.FARTHEST] = 1.0e30  # the list is made anew in every step
-        values.update(
-            deferred=float(bool(choices["deferred_correction"])),
-            relaxed=int(bool(choices["relaxed_divergence"])),
-            surface_depth=float(choices["surface_offset"]) * case.spacing,
-            first_row=first_row,
-            second_row=second_row,
-        )
-        solver = {
-            "method": choices["solver"],
-            "preconditioner": choices["preconditioner"],
-            "tolerance": choices["tolerance"],
-            "maximum_iterations": choices["maximum_iterations"],
-            "lower": lower,
-            "upper": upper,
-            "spacing": case.spacing,
-        }
-        return ProjectionStepper(
-            spec, self.particles, self.launcher, values, neighbour_list, clock, counters, solver=solver
-        )
+    def _clock_start(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return (clock, counters) of the start; the scheme sets its own entries."""
+        physics, geometry, d = self.physics, self.geometry, self.physics.spec.dimension
+        skin = float(physics.choices["skin"])
+        clock = np.zeros(ck.CLOCK_SIZE)
+        clock[ck.STEP_CAP] = min(physics.step_cap.values(), default=math.inf)
+        clock[ck.COURANT] = float(physics.choices["courant"]) * physics.h
+        clock[ck.FORCE] = 0.25 * math.sqrt(physics.h)
+        clock[ck.SKIN] = skin * physics.support
+        clock[ck.FARTHEST] = 0.25 * (1.0 + skin) * physics.support
+        clock[ck.CHECK_LASTS] = -1.0
+        clock[ck.BOX_VOLUME] = float(geometry.volume[: geometry.fluid_count].sum())
+        clock[ck.RUNAWAY] = physics.runaway
+        clock[ck.RARE_LIMIT] = clock[ck.RARE_CAP] = math.inf
+        clock[ck.MOMENTUM : ck.MOMENTUM + d] = self._mean_velocity()
+        counters = np.zeros(ck.COUNTERS_SIZE, dtype=np.int32)
+        counters[ck.FAULT_PARTICLE] = ck.NO_PARTICLE
+        counters[ck.LIVE] = geometry.fluid_count
+        counters[ck.NEXT_ID] = geometry.count
+        self.scheme.set_clock(clock, counters, physics)
+        return clock, counters
 
     def _sides(self) -> Any:
         """Return where the mirrors of the domain's sides stand."""
@@ -316,10 +293,9 @@ class Model:
 
     def _mean_velocity(self) -> np.ndarray:
         """Return the velocity of the centre of mass of the fluid, (d,) [m/s]."""
-        particles, nf = self.particles, self.particles.fluid_count
-        densities = np.array([phase.density for phase in self.case.phases.values()])
-        mass = densities[self.geometry.phase[:nf]] * particles.get("rest_volume").astype(np.float64)
-        momentum = mass @ particles.get("velocity")[:nf].astype(np.float64)
+        nf = self.geometry.fluid_count
+        _, mass = self.scheme.material(self.particles, self.case, self.geometry.phase[:nf])
+        momentum = mass @ self.particles.get("velocity")[:nf].astype(np.float64)
         return np.asarray(momentum / mass.sum())
 
     # state ---------------------------------------------------------------------------------------------------------
@@ -344,17 +320,18 @@ class Model:
         velocity = get("velocity").astype(np.float64)
         acceleration = np.zeros_like(velocity)
         acceleration[:nf] = get("acceleration")
-        if spec.scheme == "riemann":  # leapfrog: half a step behind the position
+        if self.scheme.staggered:
             velocity[:nf] += 0.5 * clock[ck.LAST_STEP] * acceleration[:nf]
         phase = np.full(n, -1, dtype=np.int32)
         phase[:nf] = get("phase") if spec.multiphase else 0
         rho0 = np.array([case.phases[name].density for name in case.phase_names])
         state = get("state").astype(np.float64)
         density = np.full(n, float(rho0[0]))
-        density[:nf] = rho0[phase[:nf]] * (1.0 + get("density_excess").astype(np.float64))
+        fluid_density, fluid_mass = self.scheme.material(self.particles, case, phase[:nf])
+        density[:nf] = fluid_density
         volume = np.full(n, self.geometry.lattice.cell_volume)
         mass = density * volume
-        mass[:nf] = rho0[phase[:nf]] * get("rest_volume")
+        mass[:nf] = fluid_mass
         volume[:nf] = mass[:nf] / density[:nf]
         kind = np.zeros(n, dtype=np.uint8)
         kind[nf:] = 1
@@ -388,8 +365,7 @@ class Model:
 
     def interface_length(self) -> float:
         """Return the length (3-D: area) of all interfaces: the volume integral of |grad C| [m^(d-1)]."""
-        for task in self.stepper.geometry_tasks:
-            task.run()
+        self.stepper.measure("interface")
         nf = self.particles.fluid_count
         normal = self.particles.get("normal").astype(np.float64)
         volume = self.particles.get("state")[:nf, 1].astype(np.float64)
@@ -400,7 +376,12 @@ class Model:
 
         The sides of the domain count as one body, `domain`; every obstacle is one of its own.
         """
-        load = self.stepper.wall_load().astype(np.float64)
+        bindings = self.stepper.bindings
+        if "load" not in bindings:
+            vec = types_of(self.physics.spec).vec
+            bindings["load"] = wp.zeros(self.particles.wall_count, dtype=vec, device=self.device)
+        self.stepper.measure("wall_load")
+        load = bindings["load"].numpy().astype(np.float64)
         body = self.particles.get("wall_body")
         sides = {f"{axis}_{end}" for axis in "xyz" for end in ("lower", "upper")}
         names = [("domain" if name in sides else name) for name in self.geometry.body_names]

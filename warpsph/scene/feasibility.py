@@ -1,8 +1,8 @@
-"""Numbers that a run cannot hold: inputs and what follows from them against the precision, the steps against the time.
+"""What a run cannot hold of what follows from its inputs: numbers against the precision, steps against the time.
 
-Nothing here is a limit of taste. A number is refused because it, or a number that the kernels are given, is beyond what the
-precision represents, or because time would stand still: its step could not be added to the end time in float64. The key that
-is named is the most extreme one of those that may be to blame.
+Nothing here is a limit of taste. A number is refused because it is beyond what the precision represents, or because time
+would stand still: its step could not be added to the end time in float64. The key that is named is the most extreme one of
+those that may be to blame.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Callable, Iterator
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -20,11 +20,12 @@ from warpsph.errors import CaseError, Problem
 if TYPE_CHECKING:
     from warpsph.case.case import Case
     from warpsph.scene.geometry import Geometry
-    from warpsph.schemes.physics import Physics
+    from warpsph.scene.physics import Physics
 
 MOST_STEPS = 2**52  # beyond them a step is lost when it is added to a time near the end, in float64
 EXTREME = 9.0  # powers of ten from 1 at which an input, not the length of the run, is to blame for its steps
 FASTEST = 10.0  # speeds up to so many times the speed of sound are told from a run that diverges
+
 
 def _derived(case: Case, physics: Physics) -> Iterator[tuple[str, float, bool]]:
     """Yield (what it is, value, whether anything is divided by it) of what kernels are given or make of it at once."""
@@ -37,7 +38,7 @@ def _derived(case: Case, physics: Physics) -> Iterator[tuple[str, float, bool]]:
         phase = case.phases[name]
         yield f"mass of a particle of {name} [kg]", phase.density * spacing**d, True
         yield f"kinematic viscosity of {name} over h^2 [1/s]", phase.viscosity / phase.density / h**2, False
-        if physics.spec.scheme == "riemann":
+        if physics.acoustic > 0.0:
             yield f"sound speed of {name} [m/s]", c, True
             yield f"stiffness of {name} [Pa]", phase.density * c**2, True
             yield f"compressibility of {name} [1/Pa]", 1.0 / (phase.density * c**2), True
@@ -58,10 +59,6 @@ def _check_derived(case: Case, physics: Physics) -> Iterator[Problem]:
             yield Problem(path, value, rule, remedy_for(value, precision, fits(number, "float64", divisor)))
             return
     step = physics.estimated_step()
-    if physics.spec.scheme == "isph":
-        from warpsph.schemes.incompressible import expected_step
-
-        step = expected_step(case, physics)
     if step > 0 and case.end_time / step <= MOST_STEPS:
         return
     steps = case.end_time / step if step > 0 else math.inf
@@ -74,16 +71,16 @@ def _check_derived(case: Case, physics: Physics) -> Iterator[Problem]:
 
 
 def checked(derive: Callable[..., Physics]) -> Callable[..., Physics]:
-    """Return `physics.derive` with the check of what it derives; numbers that break its arithmetic are told as well.
+    """Return the derivation of a scheme with the check of what it derives; numbers that break its arithmetic are told too.
 
     The result raises CaseError.
     """
 
     @functools.wraps(derive)
-    def with_check(case: Case, geometry: Geometry, *arguments: Any, **options: Any) -> Physics:
+    def with_check(case: Case, geometry: Geometry, row_list: bool) -> Physics:
         try:
             with np.errstate(all="ignore"):
-                physics = derive(case, geometry, *arguments, **options)
+                physics = derive(case, geometry, row_list)
                 problems = list(_check_derived(case, physics))
         except (OverflowError, ZeroDivisionError):
             path, value = most_extreme(case)

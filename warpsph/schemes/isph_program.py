@@ -5,10 +5,13 @@ Predict without pressure, solve the pressure equation that makes the velocity fr
 
 from __future__ import annotations
 
+import dataclasses
+
+from warpsph.engine.program import Absent, BuildList, Node, Program, Solve, Stage, Substeps
 from warpsph.kernels.core.clock import make_advance
 from warpsph.kernels.core.spec import Spec
 from warpsph.kernels.core.wall import make_wall
-from warpsph.kernels.isph.diffusion import component_wise, make_diffusion
+from warpsph.kernels.isph.diffusion import make_diffusion
 from warpsph.kernels.isph.projection import (
     make_accept,
     make_advect,
@@ -19,9 +22,66 @@ from warpsph.kernels.isph.projection import (
     make_settle,
 )
 from warpsph.kernels.isph.surface import make_surface
-from warpsph.schemes.stage import Absent, Stage
 
-__all__ = ["absent", "advance", "component_wise", "diffuse", "equation", "finish", "look", "move", "step", "take"]
+# Solves of the first step: the pressure equation refers to the last pressure gradient, which is not known yet.
+FIRST_PASSES = 8  # each leaves a tenth of the error
+
+
+def program(spec: Spec) -> Program:
+    """Return what runs for a `Spec`; the list is made in the middle of a step."""
+    return Program(step=step(spec), start=start(spec), advance=advance(spec), first=first(spec), keeps_list=False)
+
+
+def step(spec: Spec) -> list[Node]:
+    """Return the nodes of one time step, in order."""
+    return [*move(spec), BuildList(), *look(spec), *friction(spec), *pressure(spec), *finish(spec)]
+
+
+def first(spec: Spec) -> list[Node]:
+    """Return the nodes of the first step, whose pressure equation has to know its own gradient."""
+    again = [*_gradient(spec), *look(spec), *friction(spec), *pressure(spec)]
+    return [
+        *move(spec),
+        BuildList(),
+        *look(spec),
+        *friction(spec),
+        *pressure(spec),
+        Substeps(FIRST_PASSES - 1, again, "the gradient of the first pressure is not known before"),
+        *finish(spec),
+    ]
+
+
+def start(spec: Spec) -> list[Node]:
+    """Return the nodes that find the gradient of the start pressure, which the surface stage would overwrite."""
+    seen = [stage for stage in look(spec) if stage.name in ("wall_state", "predict")]
+    return [BuildList("the first list"), *seen, _gradient(spec)[-1]]
+
+
+def _gradient(spec: Spec) -> list[Stage]:
+    """Return the stages that take the pressure and its gradient over, and leave the velocity."""
+    accept, correct = take(spec)
+    return [accept, dataclasses.replace(correct, values={"advancing": 0})]
+
+
+def pressure(spec: Spec) -> list[Node]:
+    """Return the nodes of the pressure equation."""
+    return [*equation(spec), Solve("solve", "pressure", "pressure that makes the velocity free of divergence")]
+
+
+def friction(spec: Spec) -> list[Node]:
+    """Return the nodes of implicit viscosity, one component after the other; none without `implicit_viscosity`."""
+    if not spec.implicit_viscosity:
+        return []
+    fill, source, take_over = diffuse(spec)
+    nodes: list[Node] = []
+    for component in range(spec.dimension):
+        values = {"component": component}
+        if spec.viscosity_by_axis or component == 0:
+            nodes.append(dataclasses.replace(fill, values=values))
+        nodes.append(dataclasses.replace(source, values=values))
+        nodes.append(Solve("diffusion_solve", "viscosity", "friction of one component of the velocity"))
+        nodes.append(dataclasses.replace(take_over, values=values))
+    return nodes
 
 
 def move(spec: Spec) -> list[Stage]:
@@ -80,11 +140,6 @@ def take(spec: Spec) -> list[Stage]:
         Stage("accept", make_accept(spec), "fluid", "pressure from the solution"),
         Stage("correct", make_correct(spec), "fluid", "velocity free of divergence"),
     ]
-
-
-def step(spec: Spec) -> list[Stage]:
-    """Return the stages of one time step for a `Spec`, in order, without list and solver."""
-    return [*move(spec), *look(spec), *diffuse(spec), *equation(spec), *finish(spec)]
 
 
 def advance(spec: Spec) -> Stage:

@@ -19,6 +19,7 @@ from warpsph.engine.neighbours import MOST_PARTICLES, default_width, grid_layout
 from warpsph.errors import CapacityError, CaseError, ExpressionError, Problem
 from warpsph.scene.lattice import Lattice, make_lattice
 from warpsph.scene.masks import inside
+from warpsph.scene.physics import support_radius
 
 if TYPE_CHECKING:
     from warpsph.case.case import Case
@@ -34,7 +35,6 @@ KEPT, KEPT_AXIS = 26, 24  # of a particle in the geometry that a run keeps
 COPY, COPY_AXIS = 100, 47  # of a particle while the state is copied for output
 # Bytes on the device beside fields and list.
 EXTREMES = 12  # vectors a cell of the neighbour search for what particles have moved
-SOLVER, SOLVER_AXIS = 36, 30  # a particle of ISPH: vectors of the solver, grids of the preconditioner
 REFINEMENTS = 60  # trials of a spacing that fits
 
 
@@ -74,7 +74,7 @@ def count(case: Case, support: float) -> Count:
     domain = math.prod(lattice.count)
     fluid, solid = _shares(case, lattice)
     walls = round(solid * domain)
-    if case.numerics.scheme != "isph":  # there the sides are mirrors
+    if not case.scheme.mirrors_sides:
         free = 1
         for n, sides, (before, after) in zip(lattice.count, case.sides, lattice.layers, strict=True):
             free *= n + before * (sides.lower.kind != "wall") + after * (sides.upper.kind != "wall")
@@ -133,13 +133,11 @@ def on_device(case: Case, spec: Spec, fluid: int, walls: int, support: float, sk
         support: support radius [m]; skin: of the list as share of it.
         lattice: cells of the domain, for its box.
     """
-    from warpsph.kernels.core.fields import fields_of
-
     real = 8 if spec.precision == "float64" else 4
     size = {"real": real, "vec": spec.dimension * real, "mat": spec.dimension**2 * real, "pair": 2 * real}
     size.update(int8=1, uint8=1, int16=2, int32=4)
     rows = {"fluid": fluid, "wall": walls, "all": fluid + walls}
-    fields = fields_of(spec)
+    fields = [field for field in case.scheme.fields() if field.exists(spec)]
     memory = sum(rows[field.rows] * size[field.kind] for field in fields)
     # sort keys and order, double; one buffer to sort into of each type that the sort takes along
     memory += (fluid + walls) * (16 + sum(size[kind] for kind in {field.kind for field in fields if field.kept}))
@@ -151,23 +149,20 @@ def on_device(case: Case, spec: Spec, fluid: int, walls: int, support: float, sk
                     for end, sign in ((lattice.lower, -1), (lattice.upper, 1)))  # fmt: skip
     grid = math.prod(grid_layout(lower, upper, spec.periodic, support * (1.0 + skin))[0])
     memory += grid * (4 * (2 if walls else 1) + EXTREMES * size["vec"])
-    if spec.scheme == "isph":
-        memory += fluid * (entries * (4 + real) + SOLVER + SOLVER_AXIS * spec.dimension)
-    return memory
+    return memory + case.scheme.memory_beside(spec, fluid, entries)
 
 
 def _structure(case: Case, found: Count, row_list: bool) -> Spec:
     """Return the structure of a run as far as it decides which fields there are."""
     from warpsph.kernels.core.spec import Spec
 
-    isph = case.numerics.scheme == "isph"
     paper = case.numerics.formulation == "paper"
     several = len(case.phases) > 1
     corrected = case.numerics.pressure_gradient == "corrected" or (
         case.numerics.pressure_gradient == "auto" and found.filled and not paper
     )
     given = case.numerics.shifting
-    shifting = (corrected or isph) if given == "auto" else float(given) > 0
+    shifting = (corrected or case.scheme.shifts) if given == "auto" else float(given) > 0
     viscous = any(phase.viscosity > 0 for phase in case.phases.values())
     tension = case.has_surface_tension
     measured = any(gauge.type == "interface_length" for gauge in case.gauges.values())
@@ -190,11 +185,9 @@ def _structure(case: Case, found: Count, row_list: bool) -> Spec:
 
 def expected_on_device(case: Case, found: Count, row_list: bool = True) -> int:
     """Return what `on_device` will be, before the geometry is known."""
-    from warpsph.schemes.physics import SKIN, support_radius
-
     skin = case.numerics.skin
     if skin == "auto":
-        skin = 0.001 if case.numerics.scheme == "isph" else SKIN
+        skin = case.scheme.skin
     spec = _structure(case, found, row_list)
     return on_device(case, spec, found.fluid, found.walls, support_radius(case), float(skin), found.lattice)
 
@@ -293,8 +286,6 @@ def shortage(case: Case, device: Any | None = None, found: Count | None = None) 
     Raises:
         CaseError: as `count`.
     """
-    from warpsph.schemes.physics import support_radius
-
     found = count(case, support_radius(case)) if found is None else found
     tight = [need for need in _needs(case, found, device) if need.bytes > need.free]
     key = "particle_spacing"
@@ -318,8 +309,6 @@ def _size(number: float) -> str:
 
 def _remedy(case: Case, found: Count, device: Any | None) -> str:
     """Return the advice to take a spacing that fits, the smallest there is within a few per cent."""
-    from warpsph.schemes.physics import support_radius
-
     spacing = case.spacing
     for _ in range(REFINEMENTS):
         tight = [need.bytes / max(need.free, 1) for need in _needs(case, found, device)]

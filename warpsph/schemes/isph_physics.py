@@ -9,15 +9,14 @@ import numpy as np
 
 from warpsph.kernels.core.smoothing import KERNELS, make_smoothing
 from warpsph.kernels.core.spec import Spec
+from warpsph.scene.physics import VISCOUS_LIMIT, Physics, check_periods, flow_scales, has_room, smoothing_ratio
 from warpsph.schemes.isph_numerics import IsphNumerics
 
 if TYPE_CHECKING:
     from warpsph.case.case import Case
     from warpsph.scene.geometry import Geometry
-    from warpsph.schemes.physics import Physics
 
 COURANT = 0.4  # time step over h / largest speed; 0.25 is no more accurate
-SHIFT_CAP = 0.05  # longest shift of a step as share of h
 # Explicit BDF2 with an extrapolated viscous term bears a third less than forward Euler.
 EXTRAPOLATED = 2.0 / 3.0
 # Implicit viscosity: change of the velocity in a step over the largest speed. The error in time goes with its square:
@@ -55,27 +54,20 @@ def row_shares(spec: Spec, ratio: float) -> tuple[float, float]:
     return first, second
 
 
-def expected_step(case: Case, physics: Physics) -> float:
-    """Return the time step to expect [s], before the flow is known; implicit viscosity: that of the slowest shear flow."""
-    step = physics.estimated_step()
-    if physics.viscous_step > 0:
-        phase = case.phases[case.phase_names[0]]
-        decay = physics.scales["length"] ** 2 * phase.density / (math.pi**2 * phase.viscosity)
-        step = min(step, max(CHANGE * decay, physics.viscous_step))
-    return step
+
+
+def _decay(phase: Any, length: float) -> float:
+    """Return the time in which friction takes the slowest shear flow to a part in e [s]."""
+    return length**2 * phase.density / (math.pi**2 * phase.viscosity)
+
+
+def _slides(case: Case) -> bool:
+    """Return whether a side of the domain is a free-slip wall."""
+    return any(end.kind == "wall" and end.wall == "free_slip" for axis in case.sides for end in (axis.lower, axis.upper))
 
 
 def derive(case: Case, geometry: Geometry, row_list: bool) -> Physics:
     """Return the physics of an ISPH case whose particles are known; see `physics.derive`."""
-    from warpsph.schemes.physics import (
-        VISCOUS_LIMIT,
-        Physics,
-        check_periods,
-        flow_scales,
-        has_room,
-        smoothing_ratio,
-    )
-
     numerics = case.numerics
     assert isinstance(numerics, IsphNumerics)
     paper = numerics.formulation == "paper"
@@ -107,7 +99,7 @@ def derive(case: Case, geometry: Geometry, row_list: bool) -> Physics:
     choose("courant", COURANT, "0.4 of a smoothing length a step")
     choose("solver", "cg", "the matrix is symmetric")
     choose("preconditioner", "multigrid", "its iterations do not grow with the scene")
-    choose("skin", 0.001, "the list is made anew in every step")
+    choose("skin", case.scheme.skin, "the list is made anew in every step")
     choices["kernel"] = numerics.kernel
     choices["maximum_step"] = numerics.maximum_step
     choices["tolerance"] = numerics.tolerance
@@ -156,6 +148,7 @@ def derive(case: Case, geometry: Geometry, row_list: bool) -> Physics:
         mirror=any("wall" in (axis.lower.kind, axis.upper.kind) for axis in case.sides),
         second_order=int(order) == 2,
         implicit_viscosity=implicit,
+        viscosity_by_axis=implicit and (viscosity != "morris" or _slides(case)),
         row_list=row_list,
     )
     check_periods(case, geometry, support * (1.0 + float(choices["skin"])))
@@ -178,4 +171,5 @@ def derive(case: Case, geometry: Geometry, row_list: bool) -> Physics:
         warnings=tuple(warnings),
         densities=(phase.density,),
         viscous_step=explicit if implicit else 0.0,
+        slow_step=max(CHANGE * _decay(phase, scales["length"]), explicit) if implicit else math.inf,
     )

@@ -1,0 +1,43 @@
+"""The particle fields of the Riemann scheme, beside those that every scheme of fluid flow has."""
+
+from warpsph.kernels.core.fields import COMMON, FLOW, Field, always, walls
+from warpsph.kernels.core.spec import Spec
+
+
+def _interface(spec: Spec) -> bool:
+    return spec.interface
+
+
+def _band_list(spec: Spec) -> bool:
+    return spec.interface and spec.row_list
+
+
+def _tension(spec: Spec) -> bool:
+    return spec.tension != "none"
+
+
+def _contact(spec: Spec) -> bool:
+    return spec.contact_angle
+
+
+def _sided(spec: Spec) -> bool:
+    return spec.multiphase and not spec.paper_star
+
+
+RIEMANN_FIELDS: tuple[Field, ...] = (
+    *COMMON,
+    *FLOW,
+    Field("midway", "vec", "fluid", False, always, "m", "position in the middle of the step, for the continuity sweep"),
+    Field("state_old", "pair", "fluid", False, always, "Pa, m^d", "state before the continuity sweep"),
+    Field("wall_impact", "real", "fluid", True, walls, "Pa", "what a wall adds to the pressure of an impact"),
+    Field("velocity_gradient", "mat", "fluid", False, _sided, "1/s", "grad v of the own phase, next to an interface"),
+    Field("facing", "vec", "fluid", False, _sided, "-", "unit vector to the other phases, next to an interface"),
+    Field("fraction", "real", "fluid", False, _interface, "-", "share of the own phase around a particle"),
+    Field("contact_cosine", "real", "fluid", False, _contact, "-", "of the contact angle of its own phase"),
+    Field("normal", "vec", "fluid", True, _interface, "1/m", "gradient of the own phase's share"),
+    Field("interface_weight", "real", "fluid", True, _interface, "-", "(|normal| h)^2, zero away from interfaces"),
+    Field("curvature", "real", "fluid", True, _tension, "1/m", "of the interface, positive if the own phase is convex"),
+    Field("band_mark", "int32", "fluid", False, _band_list, "-", "1 in the interface band"),
+    Field("band_sum", "int32", "fluid", False, _band_list, "-", "running sum of band_mark"),
+    Field("band", "int32", "fluid", False, _band_list, "-", "particles of the interface band, in order"),
+)

@@ -1,0 +1,247 @@
+"""The numbers of a run, and those of them that follow from a case and its particles whatever the scheme."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from warpsph.errors import CaseError, Problem
+from warpsph.kernels.core.smoothing import KERNELS
+from warpsph.kernels.core.spec import Spec
+from warpsph.scene.feasibility import checked
+
+if TYPE_CHECKING:
+    from warpsph.case.case import Case
+    from warpsph.scene.geometry import Geometry
+
+# Curvature of a corner that the particles resolve, as share of 1/h: the pressure it makes must not compress much either.
+CORNER = 0.1
+# Forward-Euler limits of the viscous terms in rho h^2/mu (methods A9), with a margin.
+VISCOUS_LIMIT = {"morris": 0.125, "radial": 0.06, "paper": 0.06}
+# Density excess that is never a fault by itself: the counterpart of the rarefaction that is one, `params.LEAST_DENSITY`.
+LEAST_EXCESS = 0.9
+IMPROVED_RATIO = 1.5
+
+
+def smoothing_ratio(case: Case) -> float:
+    """Return h / particle_spacing of a case."""
+    given = case.numerics.smoothing_ratio
+    if given != "auto":
+        return float(given)
+    printed = case.numerics.formulation == "paper"
+    return (case.scheme.printed_ratio if printed else None) or IMPROVED_RATIO
+
+
+def support_radius(case: Case) -> float:
+    """Return the support radius of the smoothing kernel in m."""
+    return smoothing_ratio(case) * case.spacing * KERNELS[case.numerics.kernel].support
+
+
+@dataclasses.dataclass(frozen=True)
+class Physics:
+    """Numbers of a run, all SI.
+
+    Attributes:
+        spec: compile-time structure.
+        choices: what `auto` came to, by key of `numerics`.
+        reasons: why, by the same keys (where it is not obvious).
+        h: smoothing length [m]; support: support radius [m].
+        sound_speed: per phase [m/s]; densities: reference density per phase [kg/m^3].
+        scales: velocity [m/s], length [m], pressure [Pa] that the flow is expected to see.
+        tension: (phases, phases) surface tension of each pair [N/m].
+        step_cap: constant limits of the time step by name [s].
+        acoustic: speed of sound that the time step follows [m/s]; 0 where sound does not limit it.
+        viscous_step: limit of the time step that implicit viscosity is freed from [s]; 0 where viscosity is explicit.
+        slow_step: time step that implicit viscosity takes in the slowest shear flow [s].
+        runaway: speed that stops the run [m/s].
+        warnings: lines for the user.
+    """
+
+    spec: Spec
+    choices: dict[str, Any]
+    reasons: dict[str, str]
+    h: float
+    support: float
+    sound_speed: tuple[float, ...]
+    scales: dict[str, float]
+    tension: np.ndarray
+    step_cap: dict[str, float]
+    runaway: float
+    warnings: tuple[str, ...]
+    densities: tuple[float, ...]
+    acoustic: float = 0.0
+    viscous_step: float = 0.0
+    slow_step: float = math.inf
+
+    @property
+    def hardest_pressure(self) -> float:
+        """Largest rho c^2 of the phases [Pa]: what the hardest of them makes when stopped at the speed of its sound."""
+        return max(rho * c**2 for rho, c in zip(self.densities, self.sound_speed, strict=True))
+
+    def most_excess(self, gamma: float, density: float, sound_speed: float) -> float:
+        """Return the density excess at which a phase carries the hardest pressure [-]: more is divergence.
+
+        A gas that a liquid runs into may be pressed to several times its density: no fault, but its equation of state.
+        """
+        ratio = 1.0 + gamma * self.hardest_pressure / (density * sound_speed**2)
+        return float(max(ratio ** (1.0 / gamma) - 1.0, LEAST_EXCESS))
+
+    def estimated_step(self) -> float:
+        """Return the time step to expect [s], before the flow is known."""
+        fastest = self.scales["velocity"] + self.acoustic
+        courant = self.choices["courant"] * self.h / fastest if fastest > 0 else math.inf
+        return float(min(courant, self.slow_step, *self.step_cap.values()))
+
+
+def derive(case: Case, geometry: Geometry, row_list: bool = True) -> Physics:
+    """Return the physics of a case whose particles are known, as its scheme derives it.
+
+    Args:
+        case: validated case.
+        geometry: its particles.
+        row_list: list layout of the device, see `Spec`.
+
+    Raises:
+        CaseError: a number that follows is beyond the precision, or a periodic axis is too short.
+    """
+    derived: Physics = checked(case.scheme.derive)(case, geometry, row_list)
+    return derived
+
+
+def has_room(case: Case, geometry: Geometry) -> bool:
+    """Return whether the fluid leaves room in the domain, so that it has a free surface."""
+    solid = _obstacles_inside(geometry)
+    return case.has_open_sides or geometry.fluid_count + solid < math.prod(geometry.lattice.count)
+
+
+def check_periods(case: Case, geometry: Geometry, list_radius: float) -> None:
+    """Refuse a periodic axis on which a particle could be a neighbour of two images of another.
+
+    Raises CaseError.
+    """
+    problems = []
+    lattice = geometry.lattice
+    for axis, (low, high, wraps) in enumerate(zip(lattice.lower, lattice.upper, case.periodic, strict=True)):
+        if wraps and high - low < 2.0 * list_radius:
+            rule = f"a periodic axis must be at least {2.0 * list_radius:.4g} m long, twice the radius of the neighbour list"
+            remedy = "enlarge the domain, or lower particle_spacing, numerics.smoothing_ratio or numerics.skin"
+            problems.append(Problem(f"domain.boundary.{'xyz'[axis]}", "periodic", f"{high - low:.4g} m: {rule}", remedy))
+    if problems:
+        raise CaseError(problems)
+
+
+def _obstacles_inside(geometry: Geometry) -> int:
+    """Return how many lattice sites of the domain an obstacle takes."""
+    sides = {f"{axis}_{end}" for axis in "xyz" for end in ("lower", "upper")}
+    bodies = [n + 1 for n, name in enumerate(geometry.body_names) if name not in sides]
+    return int(np.isin(geometry.body, bodies).sum())
+
+
+def tension_matrix(case: Case) -> np.ndarray:
+    """Return the (phases, phases) surface tension [N/m]; the diagonal holds the largest of the row (body-force form)."""
+    names = case.phase_names
+    matrix = np.zeros((len(names), len(names)))
+    for pair in case.surface_tension:
+        a, b = (names.index(name) for name in pair.between)
+        matrix[a, b] = matrix[b, a] = pair.coefficient
+    np.fill_diagonal(matrix, matrix.max(axis=1, initial=0.0))
+    return matrix
+
+
+def contact_matrix(case: Case) -> np.ndarray:
+    """Return the (phases, phases) cosine of the contact angle, of the row's phase against the column's; 0: 90 degrees."""
+    names = case.phase_names
+    matrix = np.zeros((len(names), len(names)))
+    for pair in case.surface_tension:
+        if pair.contact_angle is not None:
+            a, b = (names.index(name) for name in pair.between)
+            matrix[a, b] = math.cos(math.radians(pair.contact_angle))
+            matrix[b, a] = -matrix[a, b]
+    return matrix
+
+
+def flow_scales(
+    case: Case, geometry: Geometry, tension: np.ndarray, filled: bool
+) -> tuple[dict[str, float], np.ndarray]:
+    """Return the scales of the flow and the pressure [Pa] that each phase sees.
+
+    velocity: largest of start, walls, channel flow driven by the body force, free fall over the fluid's height (free
+    surface) and capillary motion; pressure: hydrostatic head, Laplace jump, and what a body force builds up before walls
+    and bodies.
+    """
+    phases = [case.phases[name] for name in case.phase_names]
+    fluid = geometry.kind == 0
+    position, phase = geometry.position[fluid], geometry.phase[fluid]
+    extent = np.ptp(position, axis=0) + case.spacing if len(position) else np.ones(case.dimension)
+    g = np.asarray(case.gravity, dtype=float)
+    head = float(np.abs(g) @ extent)  # g H, m^2/s^2
+    density = np.array([p.density for p in phases])
+    seen = np.zeros(len(phases))
+    if head > 0:
+        # pressure at the bottom of each phase, from the weight of all fluid above it
+        axis = int(np.argmax(np.abs(g)))
+        up = -np.sign(g[axis]) * position[:, axis]
+        layer = np.round((up - up.min()) / case.spacing).astype(int)
+        area = np.prod(extent) / extent[axis]
+        weight = np.bincount(layer, weights=density[phase] * geometry.volume[fluid], minlength=layer.max() + 1)
+        # a column no denser than the mean of its layer; free surfaces make it an upper bound near the deepest part
+        filled_area = np.bincount(layer, weights=geometry.volume[fluid], minlength=layer.max() + 1) / case.spacing
+        mean = weight / np.maximum(filled_area, 1e-300 + area * 1e-6)
+        above = np.cumsum(mean[::-1])[::-1] * abs(g[axis])
+        for k in range(len(phases)):
+            rows = layer[phase == k]
+            if len(rows):
+                seen[k] = above[rows.min()]
+    jump = 0.0
+    capillary = 0.0
+    for a in range(len(phases)):
+        for b in range(a + 1, len(phases)):
+            if tension[a, b] > 0:
+                volume = min(geometry.volume[fluid][phase == a].sum(), geometry.volume[fluid][phase == b].sum())
+                if case.dimension == 2:
+                    r = math.sqrt(volume / math.pi)
+                else:
+                    r = (0.75 * volume / math.pi) ** (1 / 3)
+                if r > 0:
+                    here = (case.dimension - 1) * tension[a, b] / r
+                    capillary = max(capillary, math.sqrt(2 * here / (density[a] + density[b])))
+                    jump = max(jump, here, CORNER * tension[a, b] / (smoothing_ratio(case) * case.spacing))
+    seen += jump + float(density.max()) * _dammed_head(case, geometry, extent)
+    speed = float(np.sqrt((geometry.velocity[fluid] ** 2).sum(axis=1)).max(initial=0.0))
+    wall_speed = float(np.sqrt((geometry.boundary_velocity**2).sum(axis=1)).max(initial=0.0))
+    for sides in case.sides:  # of mirrors, which are no particles
+        wall_speed = max(wall_speed, *(float(np.linalg.norm(end.velocity or 0.0)) for end in (sides.lower, sides.upper)))
+    length = float(extent.min())
+    driven = 0.0
+    drive = float(np.linalg.norm(case.body_force))
+    if drive > 0:
+        nu = min((p.viscosity / p.density for p in phases if p.viscosity > 0), default=0.0)
+        driven = min(drive * length**2 / (8 * nu) if nu > 0 else math.inf, math.sqrt(drive * float(extent.max())))
+    falling = 0.0 if filled else math.sqrt(2 * head)
+    pulled = 0.0
+    if case.central_force is not None and not filled:
+        far = float(np.linalg.norm(position - np.asarray(case.central_force.center), axis=1).max(initial=0.0))
+        pulled = case.central_force.rate * far
+    guessed = max(speed, wall_speed, driven, falling, pulled, capillary)
+    scales = {
+        "velocity": guessed if case.scales.velocity == "auto" else float(case.scales.velocity),
+        "length": length if case.scales.length == "auto" else float(case.scales.length),
+        "pressure": float(seen.max()) if case.scales.pressure == "auto" else float(case.scales.pressure),
+    }
+    if case.scales.pressure != "auto":
+        seen = np.full(len(phases), scales["pressure"])
+    return scales, seen
+
+
+def _dammed_head(case: Case, geometry: Geometry, extent: np.ndarray) -> float:
+    """Return f L [m^2/s^2], the pressure over density that a body force f makes where something stands in its way.
+
+    Along a periodic axis it drives a flow and no pressure, unless a body holds that up: the drop over a period is rho f L.
+    """
+    held = [not wraps or bool(case.obstacles) for wraps in case.periodic]
+    return float(np.where(held, np.abs(np.asarray(case.body_force, dtype=float)), 0.0) @ extent)
+
+

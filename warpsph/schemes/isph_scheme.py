@@ -1,0 +1,146 @@
+"""Projection ISPH as a scheme of the registry."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from typing import TYPE_CHECKING, Any
+
+from warpsph.errors import Problem
+from warpsph.schemes.base import Scheme
+from warpsph.schemes.isph_numerics import IsphNumerics
+from warpsph.solvers.accuracy import attainable
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from warpsph.engine.level import Level, Systems
+    from warpsph.engine.population import Population
+    from warpsph.engine.program import Absent, Program
+    from warpsph.kernels.core.fields import Field
+    from warpsph.kernels.core.spec import Spec
+    from warpsph.scene.geometry import Geometry
+    from warpsph.scene.physics import Physics
+
+# Bytes on the device of a particle: vectors of the solver, grids of the preconditioner.
+SOLVER, SOLVER_AXIS = 36, 30
+SHIFT_CAP = 0.05  # longest shift of a step as share of h
+
+
+class IsphScheme(Scheme):
+    """Projection ISPH."""
+
+    name = "isph"
+    summary = "projection ISPH, one incompressible phase"
+    numerics = IsphNumerics
+    mirrors_sides = True
+    skin = 0.001  # the list is made anew in every step
+    shifts = True
+
+    def check(self, case: Any) -> Iterator[Problem]:
+        """Yield what the scheme cannot do: several phases, surface tension, forces on walls, a tolerance out of reach."""
+        if len(case.phases) > 1:
+            rule = f"takes one phase, the case has {len(case.phases)}"
+            yield Problem("numerics.scheme", "isph", rule, "write scheme: riemann, or leave one phase")
+        if len(case.surface_tension) > 0:
+            rule = "does not act with scheme: isph"
+            yield Problem("surface_tension", len(case.surface_tension), rule, "write scheme: riemann, or delete it")
+        least = attainable(case.precision)
+        if case.numerics.tolerance < least:
+            remedy = f"write at least {least:g}" + (", or precision: float64" if case.precision == "float32" else "")
+            yield Problem("numerics.tolerance", case.numerics.tolerance, f"is out of reach in {case.precision}", remedy)
+        for name, gauge in case.gauges.items():
+            if gauge.type == "wall_force":
+                rule = "needs wall particles, which scheme: isph has at obstacles alone, and their pressure"
+                yield Problem(f"gauges.{name}.type", gauge.type, rule, "use a gauge of type points at the wall")
+
+    def derive(self, case: Any, geometry: Geometry, row_list: bool) -> Physics:
+        """Return the numbers of a run, see `isph_physics`."""
+        from warpsph.schemes import isph_physics
+
+        return isph_physics.derive(case, geometry, row_list)
+
+    def fields(self) -> Sequence[Field]:
+        """Return the declarations of its fields."""
+        from warpsph.kernels.isph.isph_fields import ISPH_FIELDS
+
+        return ISPH_FIELDS
+
+    def program(self, spec: Spec) -> Program:
+        """Return what runs, see `isph_program`."""
+        from warpsph.schemes import isph_program
+
+        return isph_program.program(spec)
+
+    def absent(self, spec: Spec) -> list[Absent]:
+        """Return what a step leaves out, and why."""
+        from warpsph.schemes import isph_program
+
+        return isph_program.absent(spec)
+
+    def fill(self, population: Population, case: Any, geometry: Geometry, physics: Physics) -> None:
+        """Put the pressures of the start, and the velocities as those of the step before too."""
+        import numpy as np
+
+        fluid = geometry.fluid_count
+        population.put("density_excess", np.zeros(fluid))
+        population.put("rest_volume", geometry.volume[:fluid])
+        population.put("velocity_old", geometry.velocity[:fluid])
+        population.put("pressure", geometry.pressure[:fluid])
+        state = np.zeros((geometry.count, 2))
+        state[:, 1] = geometry.volume
+        state[:fluid, 0] = geometry.pressure[:fluid]
+        population.put("state", state)
+
+    def values(self, params: Any, case: Any, physics: Physics) -> dict[str, Any]:
+        """Set the numbers of its sweeps; return those of the deferred correction and of the rows below a surface."""
+        from warpsph.schemes.isph_physics import row_shares
+
+        choices = physics.choices
+        params.shifting = float(choices["shifting"])
+        params.shift_cap = SHIFT_CAP
+        params.feedback = float(choices["volume_feedback"])
+        params.filter = float(choices["surface_filter"])
+        first_row, second_row = row_shares(physics.spec, physics.h / case.spacing)
+        return {
+            "deferred": float(bool(choices["deferred_correction"])),
+            "relaxed": int(bool(choices["relaxed_divergence"])),
+            "surface_depth": float(choices["surface_offset"]) * case.spacing,
+            "first_row": first_row,
+            "second_row": second_row,
+        }
+
+    def set_clock(self, clock: np.ndarray, counters: np.ndarray, physics: Physics) -> None:
+        """Leave sound and skin out of the step, whose list is made anew; let implicit viscosity limit it by accuracy."""
+        from warpsph.kernels.core import clock as ck
+        from warpsph.schemes.isph_physics import CHANGE
+
+        clock[ck.SKIN] = clock[ck.FARTHEST] = 1.0e30
+        if physics.spec.implicit_viscosity:
+            clock[ck.VISCOUS_STEP], clock[ck.CHANGE] = physics.viscous_step, CHANGE
+
+    def systems(self, case: Any, geometry: Geometry, physics: Physics) -> Callable[[Level], Systems]:
+        """Return what makes matrix and solvers of a level."""
+        from warpsph.schemes.isph_systems import IsphSystems
+
+        choices = physics.choices
+        options = {
+            "method": choices["solver"],
+            "preconditioner": choices["preconditioner"],
+            "tolerance": choices["tolerance"],
+            "maximum_iterations": choices["maximum_iterations"],
+            "lower": geometry.lattice.lower,
+            "upper": geometry.lattice.upper,
+            "spacing": case.spacing,
+        }
+        return lambda level: IsphSystems(level, options)
+
+    def material(self, population: Population, case: Any, phase: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return (density, mass) of each fluid particle."""
+        from warpsph.scene import start_values
+
+        return start_values.material(population, case, phase)
+
+    def memory_beside(self, spec: Spec, fluid: int, entries: int) -> int:
+        """Return the bytes of matrix, solver and preconditioner."""
+        real = 8 if spec.precision == "float64" else 4
+        return fluid * (entries * (4 + real) + SOLVER + SOLVER_AXIS * spec.dimension)
