@@ -1,7 +1,6 @@
 """A scheme of particles that fall freely, leave through the lower side and enter at the upper one; for tests of births."""
 
 import functools
-import math
 from typing import Any
 
 import numpy as np
@@ -10,7 +9,6 @@ import warp as wp
 from warpsph.case.numerics import NumericsBase
 from warpsph.engine.integrators import kick_drift_kick
 from warpsph.engine.program import Births, KeepList, Program, Stage
-from warpsph.kernels.core import clock as ck
 from warpsph.kernels.core.changes import make_due, make_exit
 from warpsph.kernels.core.clock import LIVE, NEXT_ID, TIME, make_advance
 from warpsph.kernels.core.fields import COMMON, FLOW, Field, always

@@ -18,10 +18,7 @@ restart finds on the disk is complete up to the checkpoint, whenever the process
 from __future__ import annotations
 
 import dataclasses
-import importlib.metadata
-import json
 import math
-import platform
 import signal
 import threading
 import time
@@ -32,6 +29,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from warpsph.case.case_file import as_case, dump_case
 from warpsph.errors import (
     CaseError,
     DivergenceError,
@@ -40,17 +38,17 @@ from warpsph.errors import (
     Problem,
     WallTimeReached,
     WarpsphError,
-    short,
 )
 from warpsph.files import checkpoint
 from warpsph.files.output import RunFolder, Schedule, Writer
 from warpsph.measure.gauges import GaugeSet
 from warpsph.measure.recorder import Recorder
 from warpsph.measure.sums import eos_of_run
-from warpsph.running import memory
+from warpsph.running.divergence import runaway_particle
+from warpsph.running.restarts import SAME_CASE, check_fit, check_unfinished, find_checkpoint, is_inside, reached, scene_of
 from warpsph.running.state_copy import StateCopy, copy_state
-from warpsph.scene.geometry import build
-from warpsph.scene.physics import Physics, derive, support_radius
+from warpsph.running.summary import leak_warning, machine, solver_warnings, versions
+from warpsph.scene.physics import Physics
 from warpsph.snapshot import Snapshot
 from warpsph.study.comparison import compare, format_comparison
 
@@ -62,13 +60,7 @@ if TYPE_CHECKING:
 
 PORTION = 0.5  # s of wall time between two looks at the clock
 FIRST_STEPS = 1
-REACHED = 1.0e-12  # a time counts as reached within this share of it: the sum of the steps is rounded
 LOG_SHARE, LOG_SECONDS = 0.05, 60.0  # a line of the log after each 5 % of the run, and at least every minute
-SAME_CASE = "restart with the case of its run"
-# What a checkpoint was made of; a restart may change anything else.
-SCENE = ("dimension", "particle_spacing", "precision", "domain", "fluids", "obstacles")
-# Million particle-steps per second to expect where nothing was measured yet, for the estimate of `check`.
-GUESSED_RATE = 2.0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -123,7 +115,6 @@ class Simulation:
         wall_time: float | None = None,
         preparing: Callable[[int], None] | None = None,
     ) -> None:
-        from warpsph.case.case_file import as_case
         from warpsph.running.model import Model, quiet_warp
 
         begin = time.perf_counter()
@@ -141,13 +132,13 @@ class Simulation:
         state: dict[str, np.ndarray] | None = None
         attributes: dict[str, Any] = {}
         if restart is not None:
-            self._restart = _find_checkpoint(Path(restart), self.warnings.append)
+            self._restart = find_checkpoint(Path(restart), self.warnings.append)
             state, attributes = checkpoint.load(self._restart)
             if output is not None:
-                _check_unfinished(case, self._restart, Path(output), float(attributes["time"]))
+                check_unfinished(case, self._restart, Path(output), float(attributes["time"]))
         self.model: Model = Model(case, device=device, threads=threads, fresh=state is None, preparing=preparing)
         if state is not None:
-            _check_fit(self.model, state, attributes)
+            check_fit(self.model, state, attributes)
             try:
                 self.model.load_state(state)
             except ValueError as error:
@@ -157,7 +148,7 @@ class Simulation:
         self.warnings += [*self.model.geometry.warnings, *self.physics.warnings]
         self.started_at = self.model.time
         self.first_step = self.model.steps
-        resume = output is not None and self._restart is not None and _is_inside(self._restart, Path(output))
+        resume = output is not None and self._restart is not None and is_inside(self._restart, Path(output))
         # The folder is taken first, so that a wrong one is told before kernels are compiled; of what it holds
         # nothing is cut before everything else has worked.
         self.folder = self._open_folder(output, resume)
@@ -201,8 +192,6 @@ class Simulation:
 
     def _write_case(self) -> None:
         """Write case.yaml, in the folder of a restart over that of the run so far, and the files that it names."""
-        from warpsph.case.case_file import dump_case
-
         if self.folder is not None:
             names = self.folder.keep_references(self.case.reference_files)
             self.folder.write_case(dump_case(self.case, names=names))
@@ -302,14 +291,14 @@ class Simulation:
             frames.advance(now if self._last_frame >= 0 else now * (1.0 - 1.0e-8))
         self._record(writer, frames)
         meter = _Meter(self, progress)
-        while not _reached(self.model.time, end):
+        while not reached(self.model.time, end):
             target = min(end, *(s.next for s in (*self._moments.values(), frames, saves)))
             self._step_to(target, meter, writer)
             # also before a stop: a restart takes what is due at its time as written
             self._record(writer, frames)
-            if self._signal or (self._is_late() and not _reached(self.model.time, end)):
+            if self._signal or (self._is_late() and not reached(self.model.time, end)):
                 self._stop(writer)
-            if saves.due(self.model.time) and not _reached(self.model.time, end):
+            if saves.due(self.model.time) and not reached(self.model.time, end):
                 self._save(writer)
                 saves.advance(self.model.time)
         if self.folder is not None and case.output.checkpoint is not None:
@@ -331,7 +320,7 @@ class Simulation:
             if counters[ck.FAULT] == ck.FAULT_STATE:
                 self._fail(int(counters[ck.FAULT_PARTICLE]), writer)
             meter.report()
-            if self._signal or self._is_late() or _reached(float(clock[ck.TIME]), target):
+            if self._signal or self._is_late() or reached(float(clock[ck.TIME]), target):
                 return
 
     def _is_late(self) -> bool:
@@ -359,25 +348,8 @@ class Simulation:
 
     def _fail(self, row: int, writer: Writer | None) -> None:
         """Report the particle that ran away and keep the state for a look."""
-        from warpsph.kernels.core.params import LEAST_DENSITY
-
         model = self.model
-        identity = int(model.particles.get("particle_id")[row])
-        velocity = model.particles.get("velocity")[row].astype(float)
-        excess = float(model.particles.get("density_excess")[row])
-        position = model.particles.get("position")[row].astype(float)
-        speed = float(np.linalg.norm(velocity))
-        if not np.isfinite(position).all():
-            quantity, value = "position", "not finite"
-        elif not math.isfinite(speed):
-            quantity, value = "velocity", "not finite"
-        elif not math.isfinite(excess) or not -LEAST_DENSITY < excess < (most := model.most_excess(row)):
-            limits = f", limits {-LEAST_DENSITY:g} and {most:.3g}" if math.isfinite(excess) else ""
-            quantity, value = "density", f"rho/rho0 - 1 = {excess:.3g}{limits}"
-        elif speed >= self.physics.runaway:
-            quantity, value = "velocity", f"{speed:.4g} m/s, limit {self.physics.runaway:.4g} m/s"
-        else:
-            quantity, value = "acceleration", "not finite"
+        identity, position, quantity, value = runaway_particle(model, row)
         where = ""
         if self.folder is not None:
             try:
@@ -391,7 +363,7 @@ class Simulation:
                 where += f"; the last good one is in {last}"
         raise DivergenceError(
             f"the run diverged at t = {model.time:.6g} s (step {model.steps}): particle {identity} at "
-            f"{_point(position)} has {quantity} {value}{where}. Usual causes: a sound speed that is too low, "
+            f"{position} has {quantity} {value}{where}. Usual causes: a sound speed that is too low, "
             "a start far from equilibrium, or too large a Courant number (numerics.courant)",
             particle=identity,
             time=model.time,
@@ -449,8 +421,6 @@ class Simulation:
 
     def _attributes(self) -> dict[str, Any]:
         from warpsph import __version__
-        from warpsph.case.case_file import dump_case
-
         return {
             "version": __version__,
             "case": dump_case(self.case),
@@ -458,7 +428,7 @@ class Simulation:
             "step": self.model.steps,
             "device": str(self.model.device),
             "precision": self.case.precision,
-            "scene": _scene(self.case),
+            "scene": scene_of(self.case),
         }
 
     @contextmanager
@@ -545,8 +515,8 @@ class Simulation:
             **self._leaks(),
             "sound_speed": dict(zip(self.case.phase_names, self.physics.sound_speed, strict=True)),
             "smoothing_length": self.physics.h,
-            "machine": _machine(),
-            "versions": {"warpsph": __version__, **_versions()},
+            "machine": machine(),
+            "versions": {"warpsph": __version__, **versions()},
             "warnings": list(self.warnings),
             "errors": {entry["quantity"]: entry for entry in results},
         }
@@ -555,11 +525,7 @@ class Simulation:
         """Return the fluid particles beyond walls and inside bodies for the summary; warn if there were any."""
         most, last = self.model.leaks()
         if any(most.values()):
-            counts = ", ".join(f"{name} {most[name]} (at the end {last[name]})" for name in most if most[name])
-            self._warn(
-                f"particles beyond a wall or inside a body: {counts}; what they do there means nothing. "
-                "A smaller particle_spacing, or a start without a jump of the velocity at a wall, keeps them in"
-            )
+            self._warn(leak_warning(most, last))
         return {"leaks": {"largest": most, "last": last}}
 
     def _warn(self, text: str) -> None:
@@ -575,21 +541,7 @@ class Simulation:
         if systems is None:
             return {}
         totals = systems.report()
-        texts = []
-        if totals["failures"]:
-            texts.append(
-                f"{totals['failures']} of {totals['solves']} pressure solves ended above numerics.tolerance "
-                f"({totals['tolerance']:g}), the worst at a relative residual of {totals['worst_residual']:.2g}: raise "
-                "numerics.maximum_iterations, use preconditioner: multigrid, a looser tolerance or precision: float64"
-            )
-        viscous = totals.get("viscosity", {"failures": 0})
-        if viscous["failures"]:
-            texts.append(
-                f"{viscous['failures']} of {viscous['solves']} solves of implicit viscosity ended above a relative residual "
-                f"of {viscous['tolerance']:g}, the worst at {viscous['worst_residual']:.2g}: raise "
-                "numerics.maximum_iterations, lower numerics.maximum_step, or use precision: float64"
-            )
-        for text in texts:
+        for text in solver_warnings(totals):
             self._warn(text)
         return {"solver": totals}
 
@@ -676,99 +628,6 @@ def run(case: CaseLike, **options: Any) -> Simulation:
     return Simulation(case, **options).run()
 
 
-# before a run -------------------------------------------------------------------------------------------
-
-
-def describe(case: CaseLike) -> dict[str, Any]:
-    """Return what a run of the case would be: resolved case, structure, stages, and what is absent and why.
-
-    Compiles and allocates nothing on a device.
-
-    Raises:
-        CapacityError: the particles do not fit the memory of this machine.
-    """
-    from warpsph.case.case_file import as_case
-    from warpsph.engine.program import lines
-
-    case = as_case(case)
-    refused = memory.shortage(case)
-    if refused is not None:
-        raise refused
-    geometry = build(case, support_radius(case))
-    physics = derive(case, geometry)
-    known: dict[str, Any] = {
-        f"numerics.{key}": value for key, value in physics.choices.items() if value is not None
-    }
-    for name, c in zip(case.phase_names, physics.sound_speed, strict=True):
-        known[f"phases.{name}.sound_speed"] = c
-    known |= {f"scales.{name}": value for name, value in physics.scales.items() if value > 0}  # 0: nothing is known
-    known["start.arrangement"] = geometry.arrangement
-    spec = physics.spec
-    return {
-        "resolved": case.resolved(known),
-        "structure": {
-            **{name: value for name, value in dataclasses.asdict(spec).items() if name not in ("row_list", "wide_list")},
-            "smoothing length": f"{physics.h:.6g} m",
-            "support radius": f"{physics.support:.6g} m",
-            "start arrangement": f"{geometry.arrangement}: {geometry.arrangement_reason}",
-            "step limits": {name: f"{value:.4g} s" for name, value in physics.step_cap.items()},
-            "fields": [field.name for field in case.scheme.fields() if field.exists(spec)],
-        },
-        "reasons": {**physics.reasons, "start.arrangement": geometry.arrangement_reason},
-        "stages": [
-            {"name": name, "reason": reason, "depth": depth} for depth, name, reason in lines(case.scheme.program(spec).step)
-        ],
-        "absent": [{"name": row.name, "reason": row.reason} for row in case.scheme.absent(spec)],
-        "warnings": [*geometry.warnings, *physics.warnings],
-    }
-
-
-def estimate(case: CaseLike) -> dict[str, Any]:
-    """Return particle counts, memory of the device and of the host [bytes], time step [s], steps, seconds, and warnings.
-
-    Where the particles do not even fit the memory that building them takes, there are the first four alone, from
-    arithmetic, and `refused`, the CapacityError to raise.
-    """
-    from warpsph.case.case_file import as_case
-
-    case = as_case(case)
-    found = memory.count(case, support_radius(case))
-    refused = memory.shortage(case, found=found)
-    if refused is not None:
-        return {
-            "particles": found.fluid,
-            "walls": found.walls,
-            "memory_bytes": memory.expected_on_device(case, found),
-            "host_bytes": memory.building(case, found),
-            "refused": refused,
-        }
-    geometry = build(case, support_radius(case))
-    physics = derive(case, geometry)
-    spec = physics.spec
-    skin = float(physics.choices["skin"])
-    fluid, walls = geometry.fluid_count, geometry.wall_count
-    taken = memory.on_device(case, spec, fluid, walls, physics.support, skin, geometry.lattice)
-    warnings = [*geometry.warnings, *physics.warnings]
-    free, host = memory.host_free(), memory.running_on_host(case, found)
-    if free is not None and host + taken > free:
-        warnings.append(
-            f"memory: a run on the CPU takes {(host + taken) / 1e9:.3g} GB, but {free / 1e9:.3g} GB are free here; it needs "
-            f"a device with {taken / 1e9:.3g} GB, or a larger particle_spacing"
-        )
-    dt = physics.estimated_step()
-    steps = math.ceil(case.end_time / dt)
-    return {
-        "particles": fluid,
-        "walls": walls,
-        "memory_bytes": taken,
-        "host_bytes": host,
-        "dt": dt,
-        "steps": steps,
-        "seconds": steps * geometry.count / (GUESSED_RATE * 1e6),
-        "warnings": warnings,
-    }
-
-
 # helpers ------------------------------------------------------------------------------------------------
 
 
@@ -777,10 +636,6 @@ def _schedule(output: Any) -> Schedule:
     if output is None:
         return Schedule(times=())
     return Schedule(interval=getattr(output, "interval", None), times=getattr(output, "times", None))
-
-
-def _point(position: np.ndarray) -> str:
-    return "(" + ", ".join(f"{x:.4g}" for x in position) + ")"
 
 
 def _check_device(device: str) -> None:
@@ -799,93 +654,3 @@ def _checked_wall_time(wall_time: float | None) -> float:
     if isinstance(wall_time, bool) or not isinstance(wall_time, (int, float)) or not wall_time > 0:
         raise CaseError([Problem("wall_time", wall_time, "needs a number of seconds above 0", "write e.g. 3600")])
     return float(wall_time)
-
-
-def _reached(moment: float, target: float) -> bool:
-    return moment >= target * (1.0 - REACHED)
-
-
-def _find_checkpoint(path: Path, message: Callable[[str], None]) -> Path:
-    """Return the checkpoint that a file, a checkpoint folder or a run folder stands for; raises CaseError."""
-    if not path.is_dir():
-        return path
-    folder = path / "checkpoint" if (path / "checkpoint").is_dir() else path
-    found = checkpoint.latest(folder, message)
-    if found is None:
-        rule, remedy = "holds no readable checkpoint", "name a .h5 file or a run folder, or run the case anew"
-        raise CaseError([Problem("restart", str(path), rule, remedy)])
-    return found
-
-
-def _check_unfinished(case: Case, restart: Path, output: Path, moment: float) -> None:
-    """Refuse to go on from a checkpoint of a time [s] at or after the end, before anything in a folder is changed.
-
-    A run that was killed between its last checkpoint and its summary may go on: it has its comparison still to write.
-    """
-    if not _reached(moment, case.end_time):
-        return
-    summary = output / "summary.json"
-    if _reached(case.end_time, moment) and _is_inside(restart, output):
-        try:
-            if json.loads(summary.read_text(encoding="utf-8"))["status"] != "finished":
-                return
-        except (OSError, ValueError, KeyError, TypeError):
-            return
-    rule = f"the checkpoint {restart} is of t = {moment:.6g} s already: there is nothing left to compute"
-    raise CaseError([Problem("end_time", case.end_time, rule, "give a later end_time, or name an earlier checkpoint")])
-
-
-def _is_inside(file: Path, folder: Path) -> bool:
-    """Whether a checkpoint is one of the run folder's own."""
-    return file.resolve().parent == (folder / "checkpoint").resolve()
-
-
-def _scene(case: Case) -> dict[str, Any]:
-    """Return what must not change between a checkpoint and a restart, as JSON data; densities may."""
-    data = {key: value for key, value in case.to_dict(defaults=True).items() if key in SCENE}
-    return {**json.loads(json.dumps(data)), "phases": case.phase_names}
-
-
-def _check_fit(model: Model, state: Mapping[str, np.ndarray], attributes: Mapping[str, Any]) -> None:
-    """Refuse a checkpoint of another scene; what may change on purpose (end time ...) is not compared."""
-    saved, problems = attributes.get("scene", {}), []
-    for key, value in _scene(model.case).items():
-        if saved.get(key) != value:
-            rule = f"the checkpoint was written with {short(saved.get(key), 200)}"
-            problems.append(Problem(key, value, rule, SAME_CASE))
-    count = len(state.get("anchor", ()))
-    if not problems and count != model.particles.count:
-        rule = f"the checkpoint holds {count} particles, the case {model.particles.count}"
-        problems.append(Problem("restart", count, rule, SAME_CASE))
-    if problems:
-        raise CaseError(problems)
-
-
-def _machine() -> dict[str, Any]:
-    from warpsph.running.model import default_threads
-
-    return {
-        "system": platform.platform(),
-        "processor": _processor(),
-        "processors": default_threads(),
-        "python": platform.python_version(),
-    }
-
-
-def _processor() -> str:
-    """Return the name of the processor."""
-    with suppress(OSError):
-        for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
-            if line.startswith("model name"):
-                return line.partition(":")[2].strip()
-    return platform.processor() or platform.machine()
-
-
-def _versions() -> dict[str, str]:
-    found = {}
-    for name in ("warp-lang", "numpy", "h5py", "pyvista", "pydantic"):
-        try:
-            found[name] = importlib.metadata.version(name)
-        except importlib.metadata.PackageNotFoundError:
-            continue
-    return found

@@ -11,7 +11,7 @@ import warp as wp
 
 from tests.scenes import case_of
 from warpsph.kernels.core import clock as ck
-from warpsph.simulation import describe
+from warpsph.running.preview import describe
 
 SCRIPT = Path(__file__).resolve().parents[2] / "scripts" / "bench_skip.py"
 

@@ -3,6 +3,8 @@
 import copy
 import json
 import pickle
+import pkgutil
+from importlib import import_module
 from pathlib import Path
 from typing import Annotated
 
@@ -13,9 +15,10 @@ from hypothesis import strategies as st
 from jsonschema import Draft202012Validator
 from pydantic import BaseModel, TypeAdapter
 
-from warpsph.case import case as case_module
+import warpsph.case
 from warpsph.case.case import Case, case_schema
 from warpsph.case.case_file import dump_case, dump_yaml, load_case, read_yaml, save_case
+from warpsph.case.plain import set_path
 from warpsph.errors import (
     CapacityError,
     CaseError,
@@ -26,7 +29,8 @@ from warpsph.errors import (
     WallTimeReached,
     WarpsphError,
 )
-from warpsph.simulation import describe
+from warpsph.running.preview import describe
+from warpsph.schemes import registry
 
 FULL = """
 title: Square droplet
@@ -289,7 +293,7 @@ def test_resolved_takes_what_is_known_and_absolute_files(full: Case):
 
 def changed(path: str, value) -> dict:
     data = read_yaml(FULL)
-    case_module.set_path(data, path, value)
+    set_path(data, path, value)
     return data
 
 
@@ -722,12 +726,21 @@ def test_columns_and_arithmetic_of_columns_are_fine(folder: Path, gauge, column)
 # ---- schema ----------------------------------------------------------------------------------------------
 
 
-def models(start=Case) -> list[type[BaseModel]]:
-    found = [start]
-    for item in vars(case_module).values():
-        if isinstance(item, type) and issubclass(item, BaseModel) and item.__module__ == case_module.__name__:
-            found.append(item)
-    return found
+def models() -> list[type[BaseModel]]:
+    """The models of all sections and schemes."""
+    names = [f"warpsph.case.{info.name}" for info in pkgutil.iter_modules(warpsph.case.__path__)]
+    names += [registry.find(name).numerics.__module__ for name in registry.names()]
+    return [
+        item
+        for module in map(import_module, names)
+        for item in vars(module).values()
+        if isinstance(item, type) and issubclass(item, BaseModel) and item.__module__ == module.__name__
+    ]
+
+
+def test_models_are_found():
+    found = {model.__name__ for model in models()}
+    assert {"Case", "Side", "Start", "Shape", "LineGauge", "ReferenceValue", "IsphNumerics"} <= found
 
 
 @pytest.mark.parametrize("model", models(), ids=lambda model: model.__name__)

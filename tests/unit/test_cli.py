@@ -12,6 +12,7 @@ import pytest
 import warpsph
 from warpsph import cli
 from warpsph.case.case_file import load_case
+from warpsph.cli import progress
 from warpsph.errors import CapacityError, DivergenceError, Interrupted, OutputError, WallTimeReached
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -70,7 +71,8 @@ def simulation(monkeypatch):
     """A warpsph.simulation that computes nothing."""
     module = types.ModuleType("warpsph.simulation")
     module.Simulation = FakeSimulation
-    module.estimate = lambda case: {
+    preview = types.ModuleType("warpsph.running.preview")
+    preview.estimate = lambda case: {
         "particles": 1600,
         "walls": 704,
         "memory_bytes": 2**20,
@@ -80,14 +82,18 @@ def simulation(monkeypatch):
         "seconds": 250.0,
         "warnings": ["phases.oil.sound_speed: 1 m/s is too low; needs 5 m/s"],
     }
-    module.describe = lambda case: {
+    preview.describe = lambda case: {
         "resolved": {"dimension": case.dimension, "gravity": [0.0, 0.0]},
         "structure": {"scheme": "riemann", "dimension": 2},
         "reasons": {"shifting": "[not] needed"},
-        "stages": [{"name": "density", "reason": "continuity"}, {"name": "momentum", "reason": "[always]"}],
+        "stages": [
+            {"name": "density", "reason": "continuity", "depth": 0},
+            {"name": "momentum", "reason": "[always]", "depth": 1},
+        ],
         "absent": [{"name": "gravity", "reason": "gravity is zero"}],
     }
     monkeypatch.setitem(sys.modules, "warpsph.simulation", module)
+    monkeypatch.setitem(sys.modules, "warpsph.running.preview", preview)
     monkeypatch.setattr(warpsph, "simulation", module, raising=False)
     monkeypatch.setattr(FakeSimulation, "made", [])
     monkeypatch.setattr(FakeSimulation, "failure", None)
@@ -163,7 +169,7 @@ def test_progress_on_a_terminal_draws_a_bar(monkeypatch, capsys):
     monkeypatch.setattr(sys.stdout, "isatty", lambda: True, raising=False)
     monkeypatch.setenv("TERM", "xterm")
     monkeypatch.setenv("COLUMNS", "150")
-    with cli._progress_display() as show_progress:
+    with progress.progress_display() as show_progress:
         show_progress(
             SimpleNamespace(time=1.0, end_time=2.0, step=70, dt=1e-3, mups=2.5, share=0.5, seconds_left=61)
         )
@@ -177,10 +183,10 @@ def test_the_bar_says_that_kernels_are_compiled(monkeypatch, capsys):
     monkeypatch.setattr(sys.stdout, "isatty", lambda: True, raising=False)
     monkeypatch.setenv("TERM", "xterm")
     monkeypatch.setenv("COLUMNS", "150")
-    with cli._progress_display(transient=True) as display:
+    with progress.progress_display(transient=True) as display:
         display.preparing(3)
     assert "compiling kernels: 3 ready" in capsys.readouterr().out
-    with cli._progress_display():
+    with progress.progress_display():
         pass
     assert "preparing the first step" in capsys.readouterr().out
 
@@ -188,8 +194,8 @@ def test_the_bar_says_that_kernels_are_compiled(monkeypatch, capsys):
 def test_lines_say_that_kernels_are_compiled(monkeypatch, capsys):
     """From the second on that it takes, every few seconds."""
     now = 100.0
-    monkeypatch.setattr(cli.time, "monotonic", lambda: now)
-    with cli._progress_display() as display:
+    monkeypatch.setattr(progress.time, "monotonic", lambda: now)
+    with progress.progress_display() as display:
         for ready, moment in enumerate((100.5, 101.5, 102.0, 107.0)):
             now = moment
             display.preparing(ready)
@@ -493,7 +499,7 @@ def test_plot_makes_a_movie_and_shows_how_far_it_is(command, plotted):
 def test_movie_progress_on_a_terminal_draws_a_bar(monkeypatch, capsys):
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True, raising=False)
     monkeypatch.setenv("TERM", "xterm")
-    with cli._frame_progress() as show_progress:
+    with progress.frame_progress() as show_progress:
         show_progress(30, 70)
     out, err = capsys.readouterr()
     assert "30/70" in err and not out

@@ -14,9 +14,9 @@ from warpsph.case.case import Case
 from warpsph.errors import CaseError
 from warpsph.kernels.core.spec import Spec, types
 from warpsph.kernels.riemann.contact import make_wall_normal
+from warpsph.running.preview import describe
 from warpsph.scene.physics import contact_matrix
 from warpsph.schemes import riemann_program as riemann
-from warpsph.simulation import describe
 
 SPEC = Spec(
     dimension=2,

@@ -20,11 +20,11 @@ from warpsph.files import checkpoint
 from warpsph.kernels.core import clock as ck
 from warpsph.kernels.core.mirror import FREE_SLIP, NO_SLIP, NO_WALL
 from warpsph.kernels.isph.diffusion import STABILISER
+from warpsph.running.preview import describe, estimate
 from warpsph.scene import physics
 from warpsph.scene.geometry import build
 from warpsph.scene.physics import derive, support_radius
 from warpsph.schemes import isph_physics as incompressible
-from warpsph.simulation import describe, estimate
 
 CASES = Path(__file__).resolve().parents[2] / "cases"
 

@@ -11,8 +11,8 @@ from warpsph.engine import launch
 from warpsph.engine.program import Rarely, walk
 from warpsph.kernels.core import clock as ck
 from warpsph.running.model import Model
+from warpsph.running.preview import describe
 from warpsph.schemes import riemann_program as riemann
-from warpsph.simulation import describe
 
 # An uneven drop, off the middle, ten times lighter than what is around it.
 BOX = {

@@ -10,7 +10,10 @@ from hypothesis import strategies as st
 
 from warpsph.case.case import Case
 from warpsph.errors import CaseError
-from warpsph.scene.geometry import _inside_polygon, build, hydrostatic_pressure, inside, make_lattice
+from warpsph.scene.geometry import build
+from warpsph.scene.lattice import make_lattice
+from warpsph.scene.masks import _inside_polygon, inside
+from warpsph.scene.start_fluid import hydrostatic_pressure
 
 BASE = {
     "dimension": 2,

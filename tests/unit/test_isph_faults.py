@@ -10,7 +10,7 @@ from tests.scenes import case_of
 from warpsph import Simulation
 from warpsph.case.case import Case
 from warpsph.errors import CaseError, DivergenceError
-from warpsph.simulation import describe
+from warpsph.running.preview import describe
 
 # A closed box, full to the lid: no free surface, the pressure is known but for a constant.
 CLOSED = {

@@ -13,7 +13,7 @@ from warpsph import Simulation
 from warpsph.engine.launch import Launcher
 from warpsph.engine.program import lines
 from warpsph.kernels.core import clock as ck
-from warpsph.simulation import describe
+from warpsph.running.preview import describe
 
 ROOT = Path(__file__).resolve().parents[2]
 HEAVY = ("pyvista", "vtk", "vtkmodules", "matplotlib", "h5py", "scipy", "pandas")

@@ -8,7 +8,7 @@ from tests.scenes import FULL, PERIODIC, case_of
 from warpsph import cli
 from warpsph.case.case_file import save_case
 from warpsph.errors import CaseError
-from warpsph.simulation import estimate
+from warpsph.running.preview import estimate
 
 NONE = {"particles": "none", "checkpoint": "none"}
 DROP = {**FULL, "gauges": {}, "output": NONE}

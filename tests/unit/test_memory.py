@@ -13,10 +13,10 @@ from typer.testing import CliRunner
 
 from tests.isph_scenes import TANK
 from tests.scenes import FULL, PERIODIC, case_of
-from warpsph import cli, simulation
+from warpsph import cli
 from warpsph.case.case_file import load_case, save_case
 from warpsph.errors import CapacityError
-from warpsph.running import memory, model
+from warpsph.running import memory, model, preview
 from warpsph.running.model import Model
 from warpsph.scene.geometry import build
 from warpsph.scene.physics import support_radius
@@ -70,7 +70,7 @@ def test_device_memory_is_as_foretold(name):
         systems = stepper.systems
         taken += systems.matrix.memory() + systems.solver.memory() + systems.solver.preconditioner.memory()
     assert memory.expected_on_device(case, memory.count(case, support_radius(case))) == pytest.approx(taken, rel=WITHIN)
-    assert simulation.estimate(case)["memory_bytes"] == pytest.approx(taken, rel=WITHIN)
+    assert preview.estimate(case)["memory_bytes"] == pytest.approx(taken, rel=WITHIN)
 
 
 PEAK = """
@@ -120,7 +120,7 @@ def never(*_arguments, **_options):
 def test_check_of_a_scene_that_does_not_fit(tmp_path, monkeypatch):
     """It answers at once, from arithmetic, with its estimate and with what would fit."""
     monkeypatch.setattr(memory, "host_free", lambda: 16_000_000_000)
-    monkeypatch.setattr(simulation, "build", never)
+    monkeypatch.setattr(preview, "build", never)
     save_case(case_of(HUGE), tmp_path / "huge.yaml")
     begin = time.perf_counter()
     result = CliRunner().invoke(cli.app, ["check", str(tmp_path / "huge.yaml")])
@@ -130,14 +130,14 @@ def test_check_of_a_scene_that_does_not_fit(tmp_path, monkeypatch):
     for part in ("particle_spacing: 0.001", "building them takes 166 GB", "16 GB (16000000000 bytes) are free", "would fit"):
         assert part in result.stderr
     begin = time.perf_counter()
-    found = simulation.estimate(case_of(HUGE))
+    found = preview.estimate(case_of(HUGE))
     assert time.perf_counter() - begin < 0.5
     assert found["particles"] == 10**9 and found["host_bytes"] == 166 * 10**9
 
 
 def test_run_and_show_build_nothing_that_does_not_fit(tmp_path, monkeypatch):
     monkeypatch.setattr(memory, "host_free", lambda: 16_000_000_000)
-    monkeypatch.setattr(simulation, "build", never)
+    monkeypatch.setattr(preview, "build", never)
     monkeypatch.setattr(model, "build", never)
     save_case(case_of(HUGE), tmp_path / "huge.yaml")
     for arguments in (["run", "--output", str(tmp_path / "run")], ["run", "--dry-run"], ["show"]):
@@ -176,7 +176,7 @@ def test_a_cpu_run_that_does_not_fit(monkeypatch):
     monkeypatch.setattr(memory, "host_free", lambda: free)
     with pytest.raises(CapacityError, match="their run takes"):
         Model(case, threads=1)
-    estimate = simulation.estimate(case)
+    estimate = preview.estimate(case)
     assert "refused" not in estimate
     assert any("a run on the CPU takes" in warning for warning in estimate["warnings"])
 

@@ -11,10 +11,12 @@ from tests.scenes import FULL, case_of
 from warpsph import simulation
 from warpsph.case.case import Case
 from warpsph.engine.launch import Launcher
+from warpsph.running import preview
 from warpsph.running.model import Model, quiet_warp
 from warpsph.scene import borders, packing
 from warpsph.scene.borders import VOID, Interface, find_interface, volume_factors
-from warpsph.scene.geometry import build, contains, inside
+from warpsph.scene.geometry import build
+from warpsph.scene.masks import contains, inside
 from warpsph.scene.packing import Packer
 
 quiet_warp()
@@ -641,11 +643,11 @@ def test_a_run_arranges_once_and_its_restart_never(calls, tmp_path):
 
 def test_check_and_show_arrange_nothing(calls):
     case = case_of({**FULL, **DROP})
-    told = simulation.describe(case)
+    told = preview.describe(case)
     assert told["resolved"]["start"]["arrangement"] == "fitted" and told["resolved"]["numerics"]["unlock"] == 0.0
     assert "gas and liquid" in told["structure"]["start arrangement"]
     assert "gas and liquid" in told["reasons"]["start.arrangement"]
-    assert simulation.estimate(case)["particles"] == 256
+    assert preview.estimate(case)["particles"] == 256
     assert not calls
-    aligned = simulation.describe(case_of(FULL))
+    aligned = preview.describe(case_of(FULL))
     assert aligned["resolved"]["start"]["arrangement"] == "lattice" and aligned["resolved"]["numerics"]["unlock"] == 0.05

@@ -8,7 +8,7 @@ import pytest
 from tests.scenes import FULL, case_of
 from warpsph import Simulation
 from warpsph.case.case import Case
-from warpsph.simulation import estimate
+from warpsph.running.preview import estimate
 
 OFF = {"particles": "none", "checkpoint": "none"}
 WATER_GAS, OIL_GAS, WATER_OIL = 1.0, 0.7, 0.5  # N/m

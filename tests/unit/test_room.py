@@ -10,7 +10,7 @@ from tests.scenes import FULL, LEAN, case_of
 from warpsph.kernels.core.smoothing import window_integral
 from warpsph.kernels.core.spec import Spec
 from warpsph.kernels.riemann.momentum import make_momentum
-from warpsph.simulation import describe
+from warpsph.running.preview import describe
 
 SPACING = 0.1
 BASE = Spec(dimension=2, precision="float64", corrected=True, shifting=True, room=True, periodic=(False, False))

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from warpsph.case.case import Case
+from warpsph.case.sensors import NoPlane, face_spots, wall_normal
 from warpsph.errors import CaseError
 from warpsph.measure.gauges import GaugeSet
 from warpsph.measure.probes import sample
-from warpsph.measure.sensors import NoPlane, face_spots, wall_normal
 from warpsph.snapshot import Snapshot
 
 SPACING = 0.05

@@ -16,6 +16,7 @@ from warpsph.files import output
 from warpsph.kernels.core import clock as ck
 from warpsph.measure import recorder
 from warpsph.measure.gauge_files import read_gauge
+from warpsph.running import preview
 from warpsph.study.comparison import compared
 
 
@@ -88,8 +89,8 @@ def test_a_case_may_be_a_file_or_plain_data(tmp_path, monkeypatch, kind):
     before = repr(data)
     result = warpsph.run(case, threads=1)
     assert result.summary["errors"]["decay"]["error"] is not None and result.case.end_time == 0.02
-    assert simulation.estimate(case)["particles"] == 400
-    assert simulation.describe(case)["resolved"]["dimension"] == 2
+    assert preview.estimate(case)["particles"] == 400
+    assert preview.describe(case)["resolved"]["dimension"] == 2
     assert repr(data) == before
 
 

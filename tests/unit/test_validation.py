@@ -13,6 +13,7 @@ from tests.scenes import PERIODIC
 from warpsph import cli
 from warpsph.case.case import Case
 from warpsph.case.case_file import dump_yaml
+from warpsph.cli import validate_command
 from warpsph.errors import CaseError
 from warpsph.simulation import Simulation
 from warpsph.study import figures, validation
@@ -305,7 +306,7 @@ def test_ctrl_c_keeps_what_is_done_and_continue_does_the_rest(cases, command, mo
             raise KeyboardInterrupt
         return progress(run, number, count)
 
-    progress = cli._validation_progress
+    progress = validate_command._validation_progress
     monkeypatch.setattr(cli, "_validation_progress", interrupt_second)
     options = ("--cases", cases, "--no-figures", "--threads", 1, "--output", "out")
     code, out, _ = command("validate", "vortices", *options)

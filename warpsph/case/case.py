@@ -13,1098 +13,50 @@ Numbers may be written as arithmetic text ("2/52"). A key whose value is `auto` 
 
 from __future__ import annotations
 
-import difflib
-import re
+import copy
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import (
-    AfterValidator,
     BaseModel,
     BeforeValidator,
-    Discriminator,
     Field,
-    GetJsonSchemaHandler,
     ModelWrapValidatorHandler,
     PrivateAttr,
     StrictStr,
-    Tag,
     ValidationError,
     ValidationInfo,
-    model_serializer,
     model_validator,
 )
-from pydantic_core import CoreSchema, PydanticCustomError
 
-from warpsph.case.expressions import Expression, compile_expression
+from warpsph.case.checks import cross_check
+from warpsph.case.domain import AXES, AxisBoundary, Domain
+from warpsph.case.drafts import draft
+from warpsph.case.expressions import compile_expression
+from warpsph.case.gauge_models import Gauge
+from warpsph.case.initial import CentralForce, Scales, Start
 from warpsph.case.numerics import ByScheme, NumericsBase, default_numerics
+from warpsph.case.outputs import CheckpointOutput, Output, ParticleOutput
+from warpsph.case.phases import Fluid, Obstacle, Phase, SurfaceTension
+from warpsph.case.plain import none_words, reference_holders, rename_files, set_path
+from warpsph.case.references import Reference, ReferenceInterface
+from warpsph.case.reports import in_order, report
+from warpsph.case.validation_runs import Validation
 from warpsph.case.values import (
-    AlsoWritten,
     CaseModel,
     ChoiceRule,
-    Formula,
-    FormulaRule,
     FreezeMapping,
     FrozenDict,
     Name,
-    NonNegativeNumber,
-    Number,
-    NumberRule,
     PositiveNumber,
-    Times,
     Vector,
-    WallKind,
     as_list,
-    as_mapping,
-    bad_value,
-    example,
-    field_list,
-    kind_of,
-    schema_of_fields,
-    suggestion,
-    time_window,
 )
-from warpsph.errors import MISSING, CaseError, Problem, short
+from warpsph.case.yaml_text import Tree, apply_override, placed, read_file
+from warpsph.errors import CaseError, Problem
 from warpsph.schemes import registry
 from warpsph.schemes.base import Scheme
-
-__all__ = [
-    "PARTICLE_FIELDS",
-    "SAMPLED_FIELDS",
-    "VALIDATION_LEVELS",
-    "AxisBoundary",
-    "Boundary",
-    "Box",
-    "Case",
-    "CheckpointOutput",
-    "ContourGauge",
-    "Curve",
-    "Curves",
-    "Domain",
-    "EnergyGauge",
-    "ExtentsGauge",
-    "Fluid",
-    "Gauge",
-    "InterfaceLengthGauge",
-    "InterfaceLine",
-    "LineGauge",
-    "MomentumGauge",
-    "Obstacle",
-    "Output",
-    "ParticleOutput",
-    "Phase",
-    "PhasePressureGauge",
-    "PhaseVelocityGauge",
-    "PointsGauge",
-    "Polygon",
-    "Reference",
-    "ReferenceCurve",
-    "ReferenceCurves",
-    "ReferenceExact",
-    "ReferenceInterface",
-    "ReferenceValue",
-    "Scales",
-    "Shape",
-    "Side",
-    "Sphere",
-    "Start",
-    "StraysGauge",
-    "SurfaceTension",
-    "Validation",
-    "ValidationFigure",
-    "ValidationRun",
-    "WallForceGauge",
-    "Where",
-    "case_schema",
-    "rename_files",
-    "set_path",
-]
-
-AXES = ("x", "y", "z")
-
-PARTICLE_FIELDS = (
-    "velocity", "density", "pressure", "mass", "volume", "phase", "particle_spacing", "particle_id",
-    "acceleration", "normal", "curvature",
-)  # fmt: skip
-"""Fields that particle output may hold (positions are always written)."""
-
-SAMPLED_FIELDS = ("velocity", "density", "pressure", "volume", "phase", "acceleration", "normal", "curvature")
-"""Fields that gauges can interpolate at points and along lines."""
-
-
-# ----------------------------------------------------------------------------------------------------------
-# domain
-
-
-class Side(CaseModel):
-    """One side of the domain along one axis.
-
-    In a file: `open`, `wall`, `free_slip`, or `{wall: no_slip|free_slip, velocity: [...]}`; `periodic` for
-    both sides.
-    """
-
-    opaque: ClassVar[bool] = True
-
-    wall: WallKind | None = Field(
-        description="no_slip or free_slip wall; nothing on an open or periodic side"
-    )
-    velocity: Vector = Field(
-        default=(),
-        description="velocity of the wall within its own plane, m/s (default zero)",
-        examples=["[1, 0]"],
-    )
-    _periodic: bool = PrivateAttr(default=False)
-
-    @model_validator(mode="wrap")
-    @classmethod
-    def _from_word(cls, value: Any, handler: ModelWrapValidatorHandler[Self]) -> Self:
-        if isinstance(value, str):
-            if value == "periodic":
-                raise bad_value("a single side cannot be periodic", "write periodic for the whole axis")
-            if value not in _SIDE_WORDS:
-                raise bad_value(
-                    f"needs one of {', '.join(_SIDE_WORDS)} or a mapping with the key wall",
-                    suggestion(value, _SIDE_WORDS),
-                )
-            return cls._of(value)
-        if not isinstance(value, Mapping | Side):
-            raise bad_value(f"needs one of {', '.join(_SIDE_WORDS)} or a mapping with the key wall")
-        return handler(value)
-
-    @classmethod
-    def _of(cls, word: str) -> Self:
-        """The side that a single word stands for."""
-        side = cls.model_construct(wall={"wall": "no_slip", "free_slip": "free_slip"}.get(word), velocity=())
-        side._periodic = word == "periodic"
-        return side
-
-    @property
-    def kind(self) -> Literal["open", "wall", "periodic"]:
-        """What the side is."""
-        if self.wall is not None:
-            return "wall"
-        return "periodic" if self._periodic else "open"
-
-    @property
-    def moves(self) -> bool:
-        """Whether the wall has a velocity other than zero."""
-        return any(self.velocity)
-
-    def _plain(self) -> Any:
-        """The shortest way to write this side in a file."""
-        if self.kind != "wall":
-            return self.kind
-        if self.moves:
-            return {"wall": self.wall, "velocity": list(self.velocity)}
-        return "wall" if self.wall == "no_slip" else "free_slip"
-
-
-_SIDE_WORDS = ("open", "wall", "free_slip")
-_AXIS_WORDS = ("periodic", "wall", "open", "free_slip")
-
-
-class AxisBoundary(CaseModel):
-    """Both sides of the domain along one axis."""
-
-    opaque: ClassVar[bool] = True
-
-    lower: Side = Field(default_factory=lambda: Side._of("open"), description="side at the lower end")
-    upper: Side = Field(default_factory=lambda: Side._of("open"), description="side at the upper end")
-
-    @model_validator(mode="wrap")
-    @classmethod
-    def _from_short(cls, value: Any, handler: ModelWrapValidatorHandler[Self]) -> Self:
-        if isinstance(value, str):
-            if value not in _AXIS_WORDS:
-                raise bad_value(
-                    f"needs one of {', '.join(_AXIS_WORDS)} or a mapping with lower and upper",
-                    suggestion(value, _AXIS_WORDS),
-                )
-            side = Side._of(value)
-            return cls.model_construct(lower=side, upper=side)
-        if isinstance(value, AxisBoundary):
-            return handler(value)
-        if not isinstance(value, Mapping):
-            raise bad_value(f"needs one of {', '.join(_AXIS_WORDS)} or a mapping with lower and upper")
-        if "wall" in value or "velocity" in value:
-            # One wall written for the whole axis; problems of the two copies are merged by the report.
-            return handler({"lower": value, "upper": value})
-        return handler(value)
-
-    @property
-    def periodic(self) -> bool:
-        """Whether the axis is periodic."""
-        return self.lower.kind == "periodic"
-
-    @model_serializer
-    def _plain(self) -> Any:
-        lower, upper = self.lower._plain(), self.upper._plain()
-        return lower if lower == upper else {"lower": lower, "upper": upper}
-
-    @classmethod
-    def __get_pydantic_json_schema__(
-        cls, schema: CoreSchema, handler: GetJsonSchemaHandler
-    ) -> dict[str, Any]:
-        wall = {
-            "type": "object",
-            "properties": {
-                "wall": {"enum": ["no_slip", "free_slip"]},
-                "velocity": {"type": "array", "description": "m/s", "items": NumberRule().schema()},
-            },
-            "required": ["wall"],
-            "additionalProperties": False,
-        }
-        side = {"anyOf": [{"enum": list(_SIDE_WORDS)}, wall]}
-        sides = {
-            "type": "object",
-            "properties": {"lower": side, "upper": side},
-            "additionalProperties": False,
-        }
-        return {"anyOf": [{"enum": list(_AXIS_WORDS)}, wall, sides]}
-
-
-class Boundary(CaseModel):
-    """What happens at the sides, per axis: periodic | wall | open | free_slip, or lower and upper apart."""
-
-    x: AxisBoundary = Field(
-        default_factory=AxisBoundary, description="sides across the x axis", examples=["wall"]
-    )
-    y: AxisBoundary = Field(
-        default_factory=AxisBoundary, description="sides across the y axis", examples=["wall"]
-    )
-    z: AxisBoundary = Field(
-        default_factory=AxisBoundary, description="sides across the z axis (3-D only)", examples=["wall"]
-    )
-
-
-class Domain(CaseModel):
-    """The box in which the particles live."""
-
-    lower: Vector = Field(description="lower corner, m", examples=["[0, 0]"])
-    upper: Vector = Field(description="upper corner, m", examples=["[1, 1]"])
-    boundary: Boundary = Field(
-        default_factory=Boundary,
-        description="what happens at the sides (default: open)",
-        examples=["{x: wall, y: wall}"],
-    )
-
-
-# ----------------------------------------------------------------------------------------------------------
-# shapes
-
-
-class Box(CaseModel):
-    """Axis-parallel box."""
-
-    lower: Vector = Field(description="lower corner, m", examples=["[0, 0]"])
-    upper: Vector = Field(description="upper corner, m", examples=["[1, 1]"])
-
-
-class Sphere(CaseModel):
-    """Ball; a disc in 2-D."""
-
-    center: Vector = Field(description="centre, m", examples=["[0, 0]"])
-    radius: PositiveNumber = Field(description="radius, m", examples=["0.25"])
-
-
-class Polygon(CaseModel):
-    """Inside of a closed polygon (2-D)."""
-
-    points: Annotated[tuple[Vector, ...], BeforeValidator(as_list)] = Field(
-        description="corners in order, m; the last is joined to the first",
-        examples=["[[0, 0], [1, 0], [0, 1]]"],
-    )
-
-
-class Where(CaseModel):
-    """All points of the domain that fulfil a condition."""
-
-    condition: Annotated[Expression, FormulaRule(condition=True)] = Field(
-        description="formula in x, y, z (m) and r that is true inside",
-        examples=['"y < 0.5 + 0.1*sin(2*pi*x)"'],
-    )
-
-
-SHAPES = ("box", "sphere", "polygon", "where")
-
-
-class Shape(CaseModel):
-    """A region: exactly one of box, sphere, polygon, where; or the word `rest`, all that remains."""
-
-    opaque: ClassVar[bool] = True
-
-    box: Box | None = Field(
-        default=None, description="axis-parallel box", examples=["{lower: [0, 0], upper: [1, 1]}"]
-    )
-    sphere: Sphere | None = Field(
-        default=None, description="ball, disc in 2-D", examples=["{center: [0, 0], radius: 1}"]
-    )
-    polygon: Polygon | None = Field(
-        default=None, description="closed polygon (2-D)", examples=["{points: [[0, 0], [1, 0], [0, 1]]}"]
-    )
-    where: Where | None = Field(
-        default=None, description="all points that fulfil a condition", examples=['{condition: "y < 0.5"}']
-    )
-
-    @model_validator(mode="wrap")
-    @classmethod
-    def _one_of(cls, value: Any, handler: ModelWrapValidatorHandler[Self]) -> Self:
-        if isinstance(value, Shape):
-            return handler(value)
-        options = f"needs exactly one of {', '.join(SHAPES)} with its numbers, or the word rest"
-        if isinstance(value, str):
-            if value != "rest":
-                remedy = (
-                    f"write {{{value}: {{...}}}}" if value in SHAPES else suggestion(value, [*SHAPES, "rest"])
-                )
-                raise bad_value(options, remedy)
-            return cls.model_construct(box=None, sphere=None, polygon=None, where=None, _fields_set=set())
-        if not isinstance(value, Mapping):
-            raise bad_value(options)
-        known = [key for key in value if key in SHAPES]
-        if "rest" in value:
-            raise bad_value(options, "write shape: rest")
-        if len(known) > 1 or (
-            not known and not any(difflib.get_close_matches(str(k), SHAPES) for k in value)
-        ):
-            raise bad_value(options)
-        for key in known:
-            if value[key] is None:
-                raise bad_value(
-                    f"{key} has no value", f"write e.g. {{{key}: {example(cls.model_fields[key])}}}"
-                )
-        return handler(value)
-
-    @property
-    def kind(self) -> str:
-        """box, sphere, polygon, where or rest."""
-        return next((name for name in SHAPES if getattr(self, name) is not None), "rest")
-
-    @model_serializer
-    def _plain(self) -> Any:
-        kind = self.kind
-        return "rest" if kind == "rest" else {kind: getattr(self, kind).model_dump()}
-
-    @classmethod
-    def __get_pydantic_json_schema__(
-        cls, schema: CoreSchema, handler: GetJsonSchemaHandler
-    ) -> dict[str, Any]:
-        inner = handler.resolve_ref_schema(handler(schema))
-        parts = {}
-        for name, part in inner.get("properties", {}).items():
-            options = [option for option in part.get("anyOf", []) if option.get("type") != "null"]
-            parts[name] = options[0] if options else part
-        region = {
-            "type": "object",
-            "properties": parts,
-            "additionalProperties": False,
-            "minProperties": 1,
-            "maxProperties": 1,
-        }
-        return {"anyOf": [{"const": "rest"}, region], "description": inner.get("description", "")}
-
-
-class Fluid(CaseModel):
-    """A region filled with one phase. Regions must not overlap."""
-
-    phase: Name = Field(description="name of a phase", examples=["water"])
-    shape: Shape = Field(description="the region", examples=["rest"])
-
-
-class Obstacle(CaseModel):
-    """A solid body made of wall particles."""
-
-    shape: Shape = Field(description="the region", examples=["{box: {lower: [0, 0], upper: [1, 1]}}"])
-    wall: WallKind = Field(default="no_slip", description="no_slip or free_slip", examples=["no_slip"])
-    velocity: Vector = Field(
-        default=(), description="velocity of the surface, m/s (default zero)", examples=["[0, 0]"]
-    )
-    name: Name | None = Field(default=None, description="name in messages and output", examples=["block"])
-
-
-# ----------------------------------------------------------------------------------------------------------
-# matter, start, scales, numerics
-
-
-class Phase(CaseModel):
-    """One fluid and its equation of state."""
-
-    density: PositiveNumber = Field(description="reference density, kg/m^3", examples=["1000"])
-    viscosity: NonNegativeNumber = Field(
-        default=0.0, description="dynamic viscosity, Pa s (default 0: inviscid)", examples=["1e-3"]
-    )
-    sound_speed: Annotated[float | Literal["auto"], NumberRule(above=0, auto=True)] = Field(
-        default="auto",
-        description="artificial speed of sound, m/s; auto: from the scales of the flow",
-        examples=["10"],
-    )
-    gamma: Annotated[float, NumberRule(least=1, most=20)] = Field(
-        default=7.0, description="exponent of the equation of state (7 liquid, 1.4 gas)", examples=["7"]
-    )
-    background_pressure: NonNegativeNumber = Field(
-        default=0.0, description="pressure at the reference density, Pa", examples=["0"]
-    )
-
-
-class SurfaceTension(CaseModel):
-    """Surface tension between two phases."""
-
-    between: Annotated[tuple[Name, ...], BeforeValidator(as_list)] = Field(
-        description="the two phases", examples=["[gas, liquid]"]
-    )
-    coefficient: NonNegativeNumber = Field(description="surface tension, N/m", examples=["0.07"])
-    contact_angle: Annotated[float | None, NumberRule(above=0, below=180, none=True)] = Field(
-        default=None,
-        description="contact angle: between a wall and the interface that meets it, inside the first-named phase, degrees "
-        "(default none: walls take no part)",
-        examples=["60"],
-    )
-
-
-class Start(CaseModel):
-    """The state at time 0."""
-
-    arrangement: Annotated[Literal["auto", "lattice", "fitted"], ChoiceRule()] = Field(
-        default="auto",
-        description="lattice: particles in the middle of square cells; fitted: in rows along the interfaces, half a "
-        "spacing from them, evenly spaced elsewhere. auto: fitted where an interface between two phases runs through cells",
-        examples=["lattice"],
-    )
-    noise: Annotated[float, NumberRule(least=0, most=0.3)] = Field(
-        default=0.0,
-        description="random displacement of fluid particles, fraction of particle_spacing; also from a fitted arrangement",
-        examples=["0.2"],
-    )
-    seed: Annotated[int, NumberRule(least=0, most=2**31 - 1, integer=True)] = Field(
-        default=1, description="seed of the random displacement", examples=["1"]
-    )
-    velocity: Annotated[tuple[Formula, ...], Field(min_length=1), BeforeValidator(as_list)] = Field(
-        default=(),
-        description="velocity, m/s: one number or formula in x, y, z (m) and r an axis (default zero)",
-        examples=["[0, 0]"],
-    )
-    pressure: Annotated[
-        Expression | Literal["hydrostatic"] | None,
-        FormulaRule(words=(("none", None), ("hydrostatic", "hydrostatic"))),
-    ] = Field(
-        default=None,
-        description="pressure added to the background, Pa: none, hydrostatic, or a formula in x, y, z, r",
-        examples=["hydrostatic"],
-    )
-
-
-_AutoScale = Annotated[float | Literal["auto"], NumberRule(above=0, auto=True)]
-
-
-class CentralForce(CaseModel):
-    """An acceleration towards a point that grows with the distance, -rate^2 (x - center)."""
-
-    rate: PositiveNumber = Field(description="B of the acceleration -B^2 (x - center), 1/s", examples=["100"])
-    center: Vector = Field(default=(), description="the point, m (default the origin)", examples=["[0, 0]"])
-
-
-class Scales(CaseModel):
-    """What the flow will see; sound speeds are derived from it."""
-
-    velocity: _AutoScale = Field(default="auto", description="largest speed, m/s", examples=["1"])
-    length: _AutoScale = Field(default="auto", description="length of the flow, m", examples=["1"])
-    pressure: _AutoScale = Field(
-        default="auto", description="largest pressure difference, Pa", examples=["1000"]
-    )
-
-
-# ----------------------------------------------------------------------------------------------------------
-# output and gauges
-
-
-class _Timed(CaseModel):
-    """Something that happens every `interval` or at given `times`; exactly one of both."""
-
-    interval: PositiveNumber | None = Field(
-        default=None, description="time between outputs, s", examples=["0.1"]
-    )
-    times: Times | None = Field(
-        default=None, description="times of the outputs, s, rising", examples=["[0.1, 0.2]"]
-    )
-
-    @model_validator(mode="wrap")
-    @classmethod
-    def _has_times(cls, value: Any, handler: ModelWrapValidatorHandler[Self]) -> Self:
-        if isinstance(value, Mapping):
-            for key in ("interval", "times"):
-                if key in value and value[key] is None:
-                    raise bad_value(
-                        f"{key} has no value", f"write e.g. {key}: {example(cls.model_fields[key])}"
-                    )
-        result = handler(value)
-        if (result.interval is None) == (result.times is None):
-            # A misspelt key has been reported by the handler before this is reached.
-            which = "both" if result.times is not None else "neither"
-            raise bad_value(f"needs either interval or times, has {which}", "write e.g. interval: 0.1")
-        return result
-
-
-class ParticleOutput(_Timed):
-    """Particle files."""
-
-    fields: Annotated[tuple[str, ...], field_list(PARTICLE_FIELDS), schema_of_fields(PARTICLE_FIELDS)] = (
-        Field(
-            default=("velocity", "density", "pressure", "mass", "phase"),
-            description="fields to write",
-            examples=["[velocity, pressure]"],
-        )
-    )
-
-
-class CheckpointOutput(CaseModel):
-    """Files from which a run can be continued."""
-
-    interval: PositiveNumber = Field(description="simulated time between checkpoints, s", examples=["1"])
-    keep: Annotated[int, NumberRule(least=1, most=1_000_000, integer=True)] = Field(
-        default=3, description="how many of the last ones are kept", examples=["3"]
-    )
-
-
-def _none_word(value: Any) -> Any:
-    """`none` switches an output off."""
-    return None if isinstance(value, str) and value == "none" else value
-
-
-class Output(CaseModel):
-    """What is written beside the gauges. Each part may be `none`."""
-
-    particles: Annotated[ParticleOutput | None, AlsoWritten(_none_word, {"const": "none"})] = Field(
-        default=None,
-        description="particle files; none: not written (default: 20 times a run)",
-        examples=["{interval: 0.1}"],
-    )
-    checkpoint: Annotated[CheckpointOutput | None, AlsoWritten(_none_word, {"const": "none"})] = Field(
-        default=None,
-        description="restart files; none: not written (default: 10 times a run)",
-        examples=["{interval: 0.5}"],
-    )
-
-
-class _Gauge(_Timed):
-    """A time series written to gauges/<name>.csv."""
-
-    type: str = Field(description="what is measured", examples=["energy"])
-
-
-class EnergyGauge(_Gauge):
-    """Kinetic, potential, elastic and surface energy of the fluid."""
-
-    type: Literal["energy"] = Field(description="energies of the fluid; surface energy where there is surface tension")
-
-
-class MomentumGauge(_Gauge):
-    """Momentum of the fluid."""
-
-    type: Literal["momentum"] = Field(description="momentum of the fluid")
-
-
-class PhasePressureGauge(_Gauge):
-    """Mean pressure of each phase."""
-
-    type: Literal["phase_pressure"] = Field(description="mean pressure of each phase")
-
-
-class InterfaceLengthGauge(_Gauge):
-    """Length (3-D: area) of the interface between phases."""
-
-    type: Literal["interface_length"] = Field(description="length of the interface")
-
-
-class ExtentsGauge(_Gauge):
-    """Extents and centre of each phase."""
-
-    type: Literal["extents"] = Field(description="extents of each phase")
-
-
-class ContourGauge(_Gauge):
-    """The line around each phase (2-D)."""
-
-    type: Literal["contour"] = Field(description="the line around each phase (2-D)")
-    mirror: Annotated[Literal["x", "y"] | None, ChoiceRule(none=True)] = Field(
-        default=None,
-        description="axis across which the scene is symmetric about the middle of the domain: adds asymmetry",
-        examples=["x"],
-    )
-
-
-class PhaseVelocityGauge(_Gauge):
-    """Mean velocity of each phase."""
-
-    type: Literal["phase_velocity"] = Field(description="mean velocity of each phase")
-
-
-class StraysGauge(_Gauge):
-    """Particles that have left their phase."""
-
-    type: Literal["strays"] = Field(description="particles without company of their own phase")
-
-
-class WallForceGauge(_Gauge):
-    """Force of the fluid on the walls."""
-
-    type: Literal["wall_force"] = Field(description="force on the walls")
-
-
-_SampledFields = Annotated[
-    tuple[str, ...], Field(min_length=1), field_list(SAMPLED_FIELDS), schema_of_fields(SAMPLED_FIELDS)
-]
-
-
-class PointsGauge(_Gauge):
-    """Fields at fixed points."""
-
-    type: Literal["points"] = Field(description="fields at points")
-    points: Annotated[tuple[Vector, ...], Field(min_length=1), BeforeValidator(as_list)] = Field(
-        description="the points, m", examples=["[[0, 0]]"]
-    )
-    fields: _SampledFields = Field(description="fields to interpolate", examples=["[pressure]"])
-    area: Annotated[float | None, NumberRule(above=0, none=True)] = Field(
-        default=None,
-        description="face of a sensor around each point, in the plane of the wall: a disc, m^2; in 2-D its length along the "
-        "wall, m. Each field is the mean over it, by linear fits; what is dry has no pressure (default: values at points)",
-        examples=["4.2e-3"],
-    )
-    normal: Vector | None = Field(
-        default=None,
-        description="direction at right angles to the faces, of any length (default: that of the nearest wall)",
-        examples=["[1, 0]"],
-    )
-
-
-class LineGauge(_Gauge):
-    """Fields at evenly spaced points of a line."""
-
-    type: Literal["line"] = Field(description="fields along a line")
-    from_: Vector = Field(alias="from", description="first point, m", examples=["[0, 0]"])
-    to: Vector = Field(description="last point, m", examples=["[0, 1]"])
-    count: Annotated[int, NumberRule(least=2, most=1_000_000, integer=True)] = Field(
-        description="number of points, both ends included", examples=["51"]
-    )
-    fields: _SampledFields = Field(description="fields to interpolate", examples=["[velocity]"])
-
-
-GAUGES: dict[str, type[_Gauge]] = {
-    "energy": EnergyGauge,
-    "momentum": MomentumGauge,
-    "phase_pressure": PhasePressureGauge,
-    "interface_length": InterfaceLengthGauge,
-    "extents": ExtentsGauge,
-    "contour": ContourGauge,
-    "phase_velocity": PhaseVelocityGauge,
-    "strays": StraysGauge,
-    "wall_force": WallForceGauge,
-    "points": PointsGauge,
-    "line": LineGauge,
-}
-
-
-def _gauge_type(value: Any) -> str:
-    """Tag of the gauge model, in < > so that the report can tell it from a key."""
-    return f"<{value['type'] if isinstance(value, Mapping) else value.type}>"
-
-
-def _check_gauge_type(value: Any) -> Any:
-    if isinstance(value, _Gauge):
-        return value
-    if not isinstance(value, Mapping):
-        raise bad_value("needs a mapping with type and interval", "write e.g. {type: energy, interval: 0.1}")
-    kind = value.get("type", MISSING)
-    if kind is MISSING:
-        close = difflib.get_close_matches("type", [key for key in value if isinstance(key, str)], 1)
-        remedy = f"did you mean type where {short(close[0])} is?" if close else "add type: " + " | ".join(GAUGES)
-        raise bad_value("needs the key type", remedy)
-    if not isinstance(kind, str) or kind not in GAUGES:
-        raise bad_value(
-            f"has an unknown type {short(kind) if isinstance(kind, str) else kind_of(kind)}",
-            suggestion(kind, GAUGES),
-        )
-    return value
-
-
-Gauge = Annotated[
-    Annotated[EnergyGauge, Tag("<energy>")]
-    | Annotated[MomentumGauge, Tag("<momentum>")]
-    | Annotated[PhasePressureGauge, Tag("<phase_pressure>")]
-    | Annotated[InterfaceLengthGauge, Tag("<interface_length>")]
-    | Annotated[ExtentsGauge, Tag("<extents>")]
-    | Annotated[ContourGauge, Tag("<contour>")]
-    | Annotated[PhaseVelocityGauge, Tag("<phase_velocity>")]
-    | Annotated[StraysGauge, Tag("<strays>")]
-    | Annotated[WallForceGauge, Tag("<wall_force>")]
-    | Annotated[PointsGauge, Tag("<points>")]
-    | Annotated[LineGauge, Tag("<line>")],
-    Discriminator(_gauge_type),
-    BeforeValidator(_check_gauge_type),
-]
-
-
-# ----------------------------------------------------------------------------------------------------------
-# comparison with references
-
-
-class _Reference(CaseModel):
-    allowed: PositiveNumber | None = Field(
-        default=None, description="largest acceptable relative error", examples=["0.03"]
-    )
-    source: StrictStr | None = Field(
-        default=None, description="where the reference comes from", examples=["Yang 2019"]
-    )
-
-
-_Norm = Annotated[Literal["max", "rms", "final"], ChoiceRule()]
-_RelativeTo = Annotated[Literal["peak", "pointwise", "initial", "absolute"], ChoiceRule()]
-_Window = Annotated[tuple[NonNegativeNumber, ...], BeforeValidator(as_list), AfterValidator(time_window)]
-
-
-def _interval(ends: tuple[float, ...]) -> tuple[float, ...]:
-    if len(ends) != 2 or ends[0] >= ends[1]:
-        raise bad_value("needs two distances, the smaller one first", "write e.g. between: [0.1, 0.4]")
-    return ends
-
-
-class ReferenceValue(_Reference):
-    """One number derived from a gauge's column, against a reference number."""
-
-    gauge: Name = Field(description="name of a gauge", examples=["energy"])
-    column: StrictStr = Field(
-        description="column of the gauge, or arithmetic of columns", examples=["kinetic"]
-    )
-    reduce: Annotated[
-        Literal[
-            "mean", "max", "min", "final", "rms", "farthest", "change", "period",
-            "peak", "peak_time", "trough", "trough_time", "noise", "slope",
-        ],
-        ChoiceRule(),
-    ] = Field(
-        default="mean",
-        description="how the column becomes one number. farthest: the value farthest from the reference; change: the "
-        "largest relative change since the first row; peak, trough and their times: of the cubic through the rows of the "
-        "window; noise: root mean square of the deviations from a parabola through the rows within half a span of each; "
-        "slope: of a line gauge, at its last time",
-        examples=["mean"],
-    )  # fmt: skip
-    window: _Window | None = Field(
-        default=None,
-        description="first and last time that count, s (default: the whole run)",
-        examples=["[1, 2]"],
-    )
-    between: Annotated[tuple[NonNegativeNumber, ...], BeforeValidator(as_list), AfterValidator(_interval)] | None = Field(
-        default=None,
-        description="slope: part of the line that counts, distances from its `from`, m (default: all of it)",
-        examples=["[0.1, 0.4]"],
-    )
-    span: PositiveNumber | None = Field(
-        default=None,
-        description="noise: the time over which the column is all but a parabola, s; what rings faster is noise",
-        examples=["2"],
-    )
-    value: Number = Field(description="the reference, in the unit of the column", examples=["1.72"])
-
-
-class Curve(CaseModel):
-    """A reference curve over time in a CSV file."""
-
-    file: StrictStr = Field(description="CSV file, relative to the case file", examples=["reference/x.csv"])
-    time: StrictStr = Field(description="name of its time column", examples=["t_s"])
-    value: StrictStr = Field(description="name of its value column", examples=["kinetic"])
-    scale: Number = Field(default=1.0, description="factor on the value column", examples=["1"])
-    time_scale: PositiveNumber = Field(
-        default=1.0, description="factor that turns its time into s", examples=["1"]
-    )
-
-
-class ReferenceCurve(_Reference):
-    """A gauge's column against a curve over time."""
-
-    gauge: Name = Field(description="name of a gauge", examples=["energy"])
-    column: StrictStr = Field(
-        description="column of the gauge, or arithmetic of columns", examples=["kinetic"]
-    )
-    curve: Curve = Field(description="the reference curve", examples=["{file: x.csv, time: t_s, value: KE}"])
-    window: _Window | None = Field(
-        default=None,
-        description="first and last time that count, s (default: what both the run and the curve cover)",
-        examples=["[1, 2]"],
-    )
-    norm: _Norm = Field(default="max", description="how the deviations become one number", examples=["max"])
-    reduce: Annotated[
-        Literal[
-            "mean", "max", "min", "final", "rms", "period", "peak", "peak_time", "trough", "trough_time", "noise"
-        ],
-        ChoiceRule(),
-    ] | None = Field(
-        default=None,
-        description="instead of norm: column and curve each become one number in this way, over the same times, and these "
-        "are compared (peak, trough and their times: of the cubic through the rows of the window; noise: as of a value)",
-        examples=["mean"],
-    )  # fmt: skip
-    span: PositiveNumber | None = Field(
-        default=None,
-        description="noise: the time over which column and curve are all but parabolas, s; what rings faster is noise",
-        examples=["2"],
-    )
-    relative_to: _RelativeTo = Field(
-        default="peak",
-        description="what the error is divided by; absolute: by nothing, in the unit of the column. With reduce: by the "
-        "number of the curve, or absolute",
-        examples=["peak"],
-    )
-
-
-def _as_columns(value: Any) -> Any:
-    """Mapping time -> column name with the times as numbers."""
-    value = as_mapping(value)
-    rule = NumberRule(least=0)
-    result: dict[float, str] = {}
-    for key, column in value.items():
-        try:
-            time = float(rule.validate(key))  # type: ignore[arg-type]
-        except PydanticCustomError:
-            raise bad_value("needs times (s, >= 0) as keys", "write e.g. {0.1: name_of_a_column}") from None
-        if not isinstance(column, str) or not column:
-            raise bad_value("needs names of columns as values", "write e.g. {0.1: name_of_a_column}")
-        if time in result:
-            raise bad_value(f"names the time {time:g} twice", "delete one")
-        result[time] = column
-    if not result:
-        raise bad_value("is empty", "write e.g. {0.1: name_of_a_column}")
-    return result
-
-
-class Curves(CaseModel):
-    """Reference profiles in a CSV file, one column a time."""
-
-    file: StrictStr = Field(description="CSV file, relative to the case file", examples=["reference/x.csv"])
-    position: StrictStr = Field(
-        description="name of its position column (distance from the line's `from`, m)", examples=["y_m"]
-    )
-    columns: Annotated[Mapping[float, str], FreezeMapping(), BeforeValidator(_as_columns)] = Field(
-        description="time in s -> name of the column", examples=['{0.1: "u_t=0.1"}']
-    )
-    scale: Number = Field(default=1.0, description="factor on the value columns", examples=["1"])
-
-
-class ReferenceCurves(_Reference):
-    """A line gauge's field against profiles at given times."""
-
-    gauge: Name = Field(description="name of a line gauge", examples=["profile"])
-    column: StrictStr = Field(
-        description="field of the gauge, with _x, _y, _z for a vector", examples=["velocity_x"]
-    )
-    curves: Curves = Field(
-        description="the reference profiles",
-        examples=['{file: x.csv, position: y_m, columns: {0.1: "u_0.1"}}'],
-    )
-    norm: _Norm = Field(default="max", description="how the deviations become one number", examples=["max"])
-    relative_to: _RelativeTo = Field(
-        default="peak",
-        description="what the error is divided by; absolute: by nothing, in the unit of the column",
-        examples=["peak"],
-    )
-
-
-_ExactFormula = Annotated[Expression, FormulaRule(names=("x", "y", "z", "t", "r"))]
-
-
-def _one_or_many(value: Any) -> Any:
-    return as_list(value) if isinstance(value, list | tuple) else [value]
-
-
-class ReferenceExact(_Reference):
-    """A field of the particles against a formula."""
-
-    particles: Annotated[Literal["last"], ChoiceRule()] = Field(
-        description="which particle file", examples=["last"]
-    )
-    field: Annotated[Literal["speed", "velocity", "density", "pressure"], ChoiceRule()] = Field(
-        description="the field that is compared", examples=["speed"]
-    )
-    exact: Annotated[tuple[_ExactFormula, ...], Field(min_length=1), AlsoWritten(_one_or_many)] = Field(
-        description="formula in x, y, z (m), t (s) and r; a list of them for velocity",
-        examples=['"exp(-t)*sin(x)"'],
-    )
-    norm: Annotated[Literal["l1", "l2", "max"], ChoiceRule()] = Field(
-        default="l1", description="norm of the error", examples=["l1"]
-    )
-
-
-class InterfaceLine(CaseModel):
-    """A reference interface (2-D) in a CSV file, each row a segment x1, y1, x2, y2."""
-
-    file: StrictStr = Field(description="CSV file, relative to the case file", examples=["reference/x.csv"])
-    time: NonNegativeNumber = Field(description="its time, s; there has to be a particle file of it", examples=["1.0"])
-    scale: PositiveNumber = Field(default=1.0, description="length of the file's unit, m", examples=["0.1"])
-    offset: Vector = Field(
-        default=(), description="where the file's origin is in the scene, m (default zero)", examples=["[0, 0]"]
-    )
-    mirror: Annotated[float | None, NumberRule(none=True)] = Field(
-        default=None,
-        description="x of an axis of symmetry, m: the file holds one half",
-        examples=["0"],
-    )
-
-
-class ReferenceInterface(_Reference):
-    """The particles of a phase against an interface: those on the wrong side of it."""
-
-    phase: Name = Field(
-        description="phase on that side from which a ray upwards (+y) crosses the interface an odd number of times: the "
-        "inside of a closed line, the lower side of one from wall to wall",
-        examples=["gas"],
-    )
-    interface: InterfaceLine = Field(
-        description="the reference interface", examples=["{file: reference/x.csv, time: 1.0}"]
-    )
-    relative_to: Annotated[Literal["domain", "phase"], ChoiceRule()] = Field(
-        default="domain",
-        description="what the area on the wrong side is divided by: that of all fluid, or that of the phase",
-        examples=["domain"],
-    )
-
-
-REFERENCES = ("value", "curve", "curves", "exact", "interface")
-
-
-def _reference_kind(value: Any) -> str:
-    keys = value.keys() if isinstance(value, Mapping) else type(value).model_fields.keys()
-    return next(f"<{kind}>" for kind in REFERENCES if kind in keys)
-
-
-def _check_reference_kind(value: Any) -> Any:
-    if isinstance(value, _Reference):
-        return value
-    options = f"needs exactly one of {', '.join(REFERENCES)}"
-    if not isinstance(value, Mapping):
-        raise bad_value("needs a mapping", "write e.g. {gauge: energy, column: kinetic, value: 1}")
-    found = [kind for kind in REFERENCES if kind in value]
-    if len(found) != 1:
-        remedy = f"delete all but one of {', '.join(found)}" if found else ""
-        for key in value if not found else ():
-            close = difflib.get_close_matches(str(key), list(REFERENCES), 1)
-            remedy = f"did you mean {close[0]} where {short(key)} is?" if close else remedy
-        raise bad_value(options, remedy or "write e.g. value: 1.72")
-    return value
-
-
-Reference = Annotated[
-    Annotated[ReferenceValue, Tag("<value>")]
-    | Annotated[ReferenceCurve, Tag("<curve>")]
-    | Annotated[ReferenceCurves, Tag("<curves>")]
-    | Annotated[ReferenceExact, Tag("<exact>")]
-    | Annotated[ReferenceInterface, Tag("<interface>")],
-    Discriminator(_reference_kind),
-    BeforeValidator(_check_reference_kind),
-]
-
-
-# ----------------------------------------------------------------------------------------------------------
-# validation
-
-
-VALIDATION_LEVELS = ("quick", "seed", "fine")
-"""How much work a validation is: minutes on a CPU, the resolution of the published study, finer on a GPU."""
-
-_RUN_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.+=/ -]{0,39}")
-
-
-def _as_run_name(value: Any) -> str:
-    """Names of runs stand in tables and, with _ for what a file name cannot hold, name folders."""
-    if not isinstance(value, str):
-        raise bad_value("needs text", f'write name: "{value}"' if isinstance(value, int | float) else "")
-    if not _RUN_NAME.fullmatch(value):
-        raise bad_value("needs 1 to 40 letters, digits, blanks and _ . + = / -, a letter or digit first")
-    return value
-
-
-def _as_changes(value: Any) -> Any:
-    """Changes with dotted text as keys and, as elsewhere in a case, `none` for nothing."""
-    changes = {}
-    for key, item in as_mapping(value).items():
-        if not isinstance(key, str) or not all(key.split(".")):
-            raise bad_value("needs dotted paths as keys", "write e.g. {phases.water.density: 900}")
-        section = key.split(".")[0]
-        if section == "validation" or section not in Case.model_fields:
-            known = [name for name in Case.model_fields if name != "validation"]
-            raise bad_value(f"{short(key)} does not begin with a section of the case", suggestion(section, known))
-        changes[key] = "none" if item is None else item
-    return changes
-
-
-class ValidationRun(CaseModel):
-    """One run of a case with some of its values changed."""
-
-    name: Annotated[StrictStr, BeforeValidator(_as_run_name)] = Field(
-        description="name of the run in tables and folders", examples=['"100"']
-    )
-    changes: Annotated[Mapping[str, Any], FreezeMapping(), BeforeValidator(_as_changes)] = Field(
-        default_factory=FrozenDict,
-        description="dotted path -> value, as with --set; none takes an entry of reference or gauges out",
-        examples=["{particle_spacing: 2/100, reference.pressure_jump.allowed: 0.01}"],
-    )
-
-
-def _different_runs(runs: tuple[ValidationRun, ...]) -> tuple[ValidationRun, ...]:
-    """Two runs of a level must not share a folder."""
-    folders = [re.sub(r"[^a-z0-9.+=-]", "_", run.name.lower()) for run in runs]
-    for position, folder in enumerate(folders):
-        if folder in folders[:position]:
-            raise bad_value(f"has two runs with the name {runs[position].name}", "give each its own name")
-    return runs
-
-
-_Runs = Annotated[tuple[ValidationRun, ...], BeforeValidator(as_list), AfterValidator(_different_runs)]
-_THE_FILE = ValidationRun(name="default")
-
-
-class ValidationFigure(CaseModel):
-    """What the figure of each validation run shows of the particles, under the interfaces of `reference`."""
-
-    field: Annotated[Literal["phase", "speed", "pressure", "vorticity"], ChoiceRule()] = Field(
-        description="what colours the particles", examples=["phase"]
-    )
-    times: Times | None = Field(
-        default=None,
-        description="times of the pictures, s, rising (default: four from start to end)",
-        examples=["[0, 1, 2]"],
-    )
-    phases: Annotated[tuple[Name, ...], Field(min_length=1), BeforeValidator(as_list)] | None = Field(
-        default=None,
-        description="phases that are drawn; the others are left white, and out of the colour scale (default: all)",
-        examples=["[water]"],
-    )
-
-
-class Validation(CaseModel):
-    """What `python -m warpsph validate` runs at each level. No part of a run itself."""
-
-    quick: _Runs = Field(
-        default=(_THE_FILE,),
-        description="runs that take minutes on a CPU (default: the file as it is)",
-        examples=['[{name: "52", changes: {}}]'],
-    )
-    seed: _Runs = Field(
-        default=(),
-        description="runs at the resolution of the published study",
-        examples=['[{name: "100", changes: {particle_spacing: 2/100}}]'],
-    )
-    fine: _Runs = Field(
-        default=(),
-        description="finer runs, for a GPU",
-        examples=['[{name: "200", changes: {particle_spacing: 2/200}}]'],
-    )
-    figure: ValidationFigure | None = Field(
-        default=None, description="pictures of the particles", examples=["{field: phase, times: [0, 1]}"]
-    )
-
-
-# ----------------------------------------------------------------------------------------------------------
-# the case
 
 
 class Case(CaseModel):
@@ -1185,8 +137,6 @@ class Case(CaseModel):
     ) -> Self:
         if isinstance(value, Case):
             return handler(value)
-        from warpsph.case.checks import cross_check, draft, in_order, report
-
         context = info.context if isinstance(info.context, Mapping) else {}
         folder = context.get("source_folder")
         if not isinstance(value, Mapping):
@@ -1194,14 +144,14 @@ class Case(CaseModel):
         try:
             case = handler(value)
         except ValidationError as error:
-            problems = report(error, value)
+            problems = report(error, cls, value)
             problems += cross_check(draft(cls, value), folder, value)
-            raise CaseError(in_order(problems)) from None
+            raise CaseError(in_order(problems, cls)) from None
         case._source_folder = folder
         case._fill_defaults()
         found = cross_check(case, folder, value)
         if found:
-            raise CaseError(in_order(found))
+            raise CaseError(in_order(found, cls))
         return case
 
     def _fill_defaults(self) -> None:
@@ -1245,12 +195,36 @@ class Case(CaseModel):
         folder = Path(source_folder) if source_folder is not None else None
         return cls.model_validate(data, context={"source_folder": folder})
 
-    @staticmethod
-    def load(path: Path | str, overrides: Sequence[str] = ()) -> Case:
-        """The case in a YAML file, see `warpsph.case.case_file.load_case`."""
-        from warpsph.case.case_file import load_case
+    @classmethod
+    def load(cls, path: Path | str | Mapping[str, Any], overrides: Sequence[str] = ()) -> Case:
+        """Read, change and validate a case.
 
-        return load_case(path, overrides)
+        path: a case file, or the nested plain data that one would hold, `{"dimension": 2, ...}`; reference files of the
+            latter are looked up in the current folder.
+        overrides: texts `a.b=c` that replace what the file says; the path is dotted, list positions are numbers,
+            the value is YAML (`domain.lower=[0, 0]`).
+
+        Returns the validated Case; its `source_folder` is the folder of the file.
+        Raises CaseError with all problems, line and column where they are known.
+        """
+        if isinstance(path, Mapping):
+            tree, folder = Tree(copy.deepcopy(dict(path)) if overrides else path), Path.cwd()
+        else:
+            tree, folder = read_file(Path(path)), Path(path).parent
+        problems = list(tree.problems)
+        overridden: list[str] = []
+        for override in overrides:
+            try:
+                overridden.append(apply_override(tree.data, override))
+            except CaseError as error:
+                problems += error.problems
+        try:
+            case = cls.from_dict(tree.data, folder)
+        except CaseError as error:
+            problems += [placed(problem, tree.places, overridden) for problem in error.problems]
+        if problems:
+            raise CaseError(problems)
+        return case
 
     def replace(self, changes: Mapping[str, Any]) -> Case:
         """A copy with other values, e.g. `case.replace({"numerics.courant": 0.3, "phases.gas.density": 2})`.
@@ -1277,7 +251,7 @@ class Case(CaseModel):
         plain = self.model_dump(mode="python", by_alias=True, exclude_unset=not defaults)
         if self.dimension == 2 and defaults:
             del plain["domain"]["boundary"]["z"]
-        result: dict[str, Any] = _plain_case(plain)
+        result: dict[str, Any] = none_words(plain)
         return result
 
     def resolved(self, known: Mapping[str, Any]) -> dict[str, Any]:
@@ -1301,7 +275,7 @@ class Case(CaseModel):
     @property
     def reference_files(self) -> dict[str, Path]:
         """Path of each reference file by the name that the case has for it."""
-        return {holder["file"]: self.reference_file(holder["file"]) for holder in _file_holders(self.to_dict())}
+        return {holder["file"]: self.reference_file(holder["file"]) for holder in reference_holders(self.to_dict())}
 
     # -- short cuts ------------------------------------------------------------
 
@@ -1355,78 +329,6 @@ class Case(CaseModel):
     def reference_file(self, name: str) -> Path:
         """Path of a reference file: an absolute name as it is, others within `source_folder`."""
         return (self.source_folder or Path()) / name
-
-
-def _file_holders(data: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """The mappings of a plain case that name a reference file under the key `file`."""
-    parts = ("curve", "curves", "interface")
-    return [entry[part] for entry in data.get("reference", {}).values() for part in parts if part in entry]
-
-
-def rename_files(data: Mapping[str, Any], names: Mapping[str, str]) -> None:
-    """Replace the names of reference files in a plain case, in place; names that are no key of `names` stay."""
-    for holder in _file_holders(data):
-        holder["file"] = names.get(holder["file"], holder["file"])
-
-
-def _plain_case(value: Any) -> Any:
-    """Dumped models as a case file writes them: lists for tuples, `none` where a key is switched off."""
-    if isinstance(value, Mapping):
-        return {
-            key: "none" if item is None else _plain_case(item)
-            for key, item in value.items()
-            if item is not None or key in _NONE_KEYS
-        }
-    if isinstance(value, list | tuple):
-        return [_plain_case(item) for item in value]
-    return value
-
-
-_NONE_KEYS = frozenset({"maximum_step", "pressure", "particles", "checkpoint"})
-_REMOVABLE = ("reference", "gauges")
-
-
-def set_path(data: Any, path: str, value: Any) -> None:
-    """Set, in place, the entry of nested dicts and lists that a dotted path names; missing mappings are made.
-
-    A value None, or the word none, takes an entry of `reference` or `gauges` out. Raises CaseError if the path leads
-    through something that is neither, or names no such entry.
-    """
-    keys = path.split(".")
-    if not all(keys):
-        raise CaseError(
-            [Problem(path or "(override)", value, "needs a dotted path such as a.b=c", "name every step")]
-        )
-    here = data
-    if len(keys) == 2 and keys[0] in _REMOVABLE and (value is None or (isinstance(value, str) and value == "none")):
-        entries = data.get(keys[0]) if isinstance(data, dict) else None
-        if not isinstance(entries, dict) or keys[1] not in entries:
-            known = list(entries) if isinstance(entries, dict) else []
-            remedy = suggestion(keys[1], known) if known else "delete it"
-            raise CaseError([Problem(path, value, "there is no such entry to take out", remedy)])
-        del entries[keys[1]]
-        return
-    for depth, key in enumerate(keys):
-        last = depth == len(keys) - 1
-        so_far = short(".".join(keys[:depth]))
-        if isinstance(here, list):
-            if not key.isdecimal() or len(key) > 9 or int(key) >= len(here):
-                rule = f"{so_far} is a list of {len(here)}"
-                raise CaseError([Problem(path, value, rule, f"use a position 0 to {len(here) - 1}")])
-            if last:
-                here[int(key)] = value
-            else:
-                here = here[int(key)]
-        elif isinstance(here, dict):
-            if last:
-                here[key] = value
-            else:
-                if here.get(key) is None or (here[key] == "none" and key in _NONE_KEYS):
-                    here[key] = {}
-                here = here[key]
-        else:
-            rule = f"{so_far} is a {kind_of(here)} and has no part {short(key)}"
-            raise CaseError([Problem(path, value, rule, f"set {so_far} as a whole")])
 
 
 def case_schema() -> dict[str, Any]:

@@ -101,6 +101,11 @@ class NumericsBase(CaseModel):
         return registry.find(name).numerics if name in registry.names() else NumericsBase
 
     @classmethod
+    def models(cls) -> list[type[CaseModel]]:
+        """The models of all schemes."""
+        return [registry.find(name).numerics for name in registry.names()]
+
+    @classmethod
     def foreign_key(cls, key: str, raw: Any) -> tuple[str, str] | None:
         """Rule and remedy for a key of another scheme."""
         owners = [name for name in registry.names() if key in registry.find(name).numerics.model_fields]
@@ -138,7 +143,7 @@ class ByScheme:
         if model is not NumericsBase:
             return model.model_validate(value)  # type: ignore[return-value]
         # What a key of some scheme holds cannot be judged while the scheme is unknown.
-        keys = {key for name in registry.names() for key in registry.find(name).numerics.model_fields}
+        keys = {key for model in NumericsBase.models() for key in model.model_fields}
         special = keys - set(NumericsBase.model_fields)
         return NumericsBase.model_validate({key: entry for key, entry in value.items() if key not in special})
 

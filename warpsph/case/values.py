@@ -358,6 +358,11 @@ class CaseModel(BaseModel):
         return cls
 
     @classmethod
+    def models(cls) -> list[type[CaseModel]]:
+        """All models that `model_for` may return."""
+        return [cls]
+
+    @classmethod
     def foreign_key(cls, key: str, raw: Any) -> tuple[str, str] | None:
         """Rule and remedy for a key of the section as written that this model does not have, if more is known of it."""
         return None

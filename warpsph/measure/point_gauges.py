@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from warpsph.case.sensors import face_spots, wall_normal
 from warpsph.errors import WarpsphError
 from warpsph.measure.gauge import Column, Gauge, Needs
-from warpsph.measure.sensors import face_spots, wall_normal
 from warpsph.snapshot import Snapshot
 
 # Fields that can be sampled, and their units.

@@ -17,7 +17,8 @@ import numpy as np
 
 from warpsph.engine.neighbours import MOST_PARTICLES, default_width, grid_layout
 from warpsph.errors import CapacityError, CaseError, ExpressionError, Problem
-from warpsph.scene.geometry import Lattice, inside, make_lattice
+from warpsph.scene.lattice import Lattice, make_lattice
+from warpsph.scene.masks import inside
 from warpsph.scene.physics import support_radius
 
 if TYPE_CHECKING:

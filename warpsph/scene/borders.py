@@ -19,10 +19,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from warpsph.scene.lattice import Lattice
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
-
-    from warpsph.scene.geometry import Lattice
 
 __all__ = ["Interface", "Regions", "find_interface", "fluid_pairs_off_lattice", "spread", "volume_factors"]
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from warpsph.kernels.core.smoothing import KERNELS
 from warpsph.kernels.core.spec import Spec
-from warpsph.scene.geometry import LIGHT
+from warpsph.scene.fluid_regions import LIGHT
 from warpsph.scene.physics import (
     VISCOUS_LIMIT,
     Physics,

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from warpsph.case.case import ReferenceInterface
+from warpsph.case.references import ReferenceInterface
 from warpsph.errors import CaseError, Problem
 from warpsph.files.output import whole_file
 from warpsph.study import plot

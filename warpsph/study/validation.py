@@ -28,8 +28,10 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from warpsph.case.case import VALIDATION_LEVELS, Case, ValidationRun, set_path
+from warpsph.case.case import Case
 from warpsph.case.case_file import load_case
+from warpsph.case.plain import set_path
+from warpsph.case.validation_runs import VALIDATION_LEVELS, ValidationRun
 from warpsph.case.values import suggestion
 from warpsph.errors import CaseError, DivergenceError, Interrupted, OutputError, Problem, WarpsphError
 from warpsph.files.output import json_text, write_failure, write_text

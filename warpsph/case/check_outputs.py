@@ -1,0 +1,110 @@
+"""Checks between fields: output and gauges."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from warpsph.case.checking import check_length, check_often, each, extent_of
+from warpsph.case.domain import AXES
+from warpsph.case.drafts import Problems, guarded
+from warpsph.case.sensors import NoPlane, face_radius, wall_normal
+from warpsph.errors import Problem
+
+_INTERFACE_FIELDS = ("normal", "curvature")
+
+
+def check_output(case: Any, _folder: Path | None, _raw: Any) -> Problems:
+    def particles() -> Problems:
+        if case.output.particles is not None:
+            yield from check_interface_fields(case, "output.particles.fields", case.output.particles.fields)
+
+    parts = (("particles", lambda: case.output.particles), ("checkpoint", lambda: case.output.checkpoint))
+    yield from guarded(particles())
+    for name, read in parts:
+        yield from guarded(check_often(case, f"output.{name}.interval", read))
+
+
+def check_interface_fields(case: Any, path: str, fields: Sequence[str]) -> Problems:
+    """Normals and curvature exist only with surface tension."""
+    wanted = [name for name in fields if name in _INTERFACE_FIELDS]
+    if wanted and len(case.surface_tension) == 0:
+        yield Problem(
+            path, list(fields), f"{', '.join(wanted)} needs surface_tension", "delete it from the list"
+        )
+
+
+def check_gauges(case: Any, _folder: Path | None, _raw: Any) -> Problems:
+    yield from each(_check_gauge, list(case.gauges.items()), case)
+
+
+def _check_gauge(case: Any, name: Any, gauge: Any) -> Problems:
+    path = f"gauges.{name}"
+    yield from guarded(check_often(case, f"{path}.interval", lambda: gauge))
+    if gauge.type == "wall_force":
+        if not case.has_walls:
+            yield Problem(
+                f"{path}.type", gauge.type, "needs a wall or an obstacle", "delete the gauge or add a wall"
+            )
+    elif gauge.type == "contour":
+        if case.dimension != 2:
+            yield Problem(f"{path}.type", gauge.type, "needs dimension: 2", "use extents")
+    elif gauge.type == "interface_length":
+        if len(case.phases) < 2:
+            yield Problem(f"{path}.type", gauge.type, "needs at least two phases", "delete the gauge")
+    elif gauge.type == "points":
+        for position, point in enumerate(gauge.points):
+            yield from guarded(check_length(case.dimension, f"{path}.points.{position}", point))
+        yield from check_interface_fields(case, f"{path}.fields", gauge.fields)
+        yield from guarded(_check_faces(case, path, gauge))
+    elif gauge.type == "line":
+        yield from guarded(check_length(case.dimension, f"{path}.from", gauge.from_))
+        yield from guarded(check_length(case.dimension, f"{path}.to", gauge.to))
+        if gauge.from_ == gauge.to:
+            yield Problem(
+                f"{path}.to", list(gauge.to), "is the same point as from", "use a gauge of type points"
+            )
+        yield from check_interface_fields(case, f"{path}.fields", gauge.fields)
+
+
+def _check_faces(case: Any, path: str, gauge: Any) -> Problems:
+    """The faces of sensors have a plane and lie within the domain."""
+    normal = gauge.normal
+    if gauge.area is None:
+        if normal is not None:
+            yield Problem(f"{path}.normal", list(normal), "is that of an area, and there is none", "add area, or delete it")
+        return
+    yield from check_length(case.dimension, f"{path}.normal", normal or ())
+    if normal is not None and not any(normal):
+        rule = "has no direction"
+        yield Problem(f"{path}.normal", list(normal), rule, "write that of the wall, e.g. normal: [1, 0]")
+    elif normal is None or len(normal) == case.dimension:
+        points = [(position, point) for position, point in enumerate(gauge.points) if len(point) == case.dimension]
+        yield from each(_check_face, points, case, path, gauge)
+
+
+def _check_face(case: Any, path: str, gauge: Any, position: int, point: Sequence[float]) -> Problems:
+    """The face around one point."""
+    where = f"{path}.points.{position}"
+    try:
+        normal = wall_normal(case, point) if gauge.normal is None else np.asarray(gauge.normal, np.float64)
+    except NoPlane as reason:
+        yield Problem(where, list(point), str(reason), "move it to the wall, or give normal")
+        return
+    extent = extent_of(case)
+    if extent is None:
+        return
+    across = np.sqrt(np.maximum(1.0 - (normal / np.linalg.norm(normal)) ** 2, 0.0))
+    reach = face_radius(gauge.area, case.dimension) * across
+    for k, axis in enumerate(AXES[: case.dimension]):
+        lower, upper = case.domain.lower[k], case.domain.upper[k]
+        first, last = point[k] - reach[k], point[k] + reach[k]
+        slack = 1e-9 * extent[k]
+        if reach[k] > 0 and not getattr(case.domain.boundary, axis).periodic and not (
+            lower - slack <= first and last <= upper + slack
+        ):
+            rule = f"its area reaches from {axis} = {first:.4g} to {last:.4g} m, the domain from {lower:g} to {upper:g} m"
+            yield Problem(where, list(point), rule, "move the point, or lower area")

@@ -1,0 +1,190 @@
+"""The columns of each type of gauge, and arithmetic of columns.
+
+What a reference may compare is checked when a case is read, so that the columns are known here, before anything is measured.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from typing import Any
+
+from warpsph.case.domain import AXES
+from warpsph.case.expressions import Expression, compile_expression
+
+__all__ = ["FIELD_UNITS", "VECTOR_FIELDS", "Column", "column_formula", "column_names", "columns_of", "wall_bodies"]
+
+FIELD_UNITS = {
+    "velocity": "m/s",
+    "acceleration": "m/s^2",
+    "density": "kg/m^3",
+    "pressure": "Pa",
+    "volume": "m^3",
+    "phase": "1",
+    "curvature": "1/m",
+    "normal": "1",
+}
+"""Fields that can be sampled, and their units (3-D)."""
+
+VECTOR_FIELDS = ("velocity", "acceleration", "normal")
+
+
+@dataclass(frozen=True)
+class Column:
+    """Name and unit of one column of a gauge."""
+
+    name: str
+    unit: str
+
+    def __str__(self) -> str:
+        return f"{self.name} [{self.unit}]"
+
+
+def columns_of(spec: Any, case: Any) -> list[Column]:
+    """Names and units of the columns after the time that a gauge has in a run.
+
+    spec: the gauge in the case; case: the case, or what could be read of a faulty one.
+    """
+    return _COLUMNS[spec.type](spec, case, list(case.phases), AXES[: case.dimension])
+
+
+def column_names(name: str, spec: Any, case: Any) -> list[str]:
+    """Names of the columns that the gauge `name` of a case has in a run, the time first."""
+    return ["time", *(column.name for column in columns_of(spec, case))]
+
+
+def wall_bodies(case: Any) -> list[str]:
+    """Names of the solid bodies of a case, as in `wall_force_x <body>`: `domain` if it has walls, then the
+    obstacles.
+
+    An obstacle without a name is called obstacle_1, obstacle_2 ... by its place in the list.
+    """
+    names = [obstacle.name or f"obstacle_{place}" for place, obstacle in enumerate(case.obstacles, 1)]
+    at_domain = any("wall" in (axis.lower.kind, axis.upper.kind) for axis in case.sides)
+    return (["domain"] if at_domain else []) + names
+
+
+def column_formula(names: Iterable[str], text: str) -> tuple[Expression, dict[str, str]]:
+    """Arithmetic of columns such as `2 * kinetic` or `highest_x gas - lowest_x gas`.
+
+    Returns the expression and the column that each of its names stands for. Raises ExpressionError.
+    """
+    names = list(names)
+    called = {name: name for name in names if name.isidentifier()}
+    formula = text
+    # A name of several words gets one word as a stand-in, the longest first, since `kinetic gas` may be part of another.
+    # `gas - liquid` is none of them: as arithmetic it means the same.
+    several = [name for name in names if " " in name and all(word.isidentifier() for word in name.split(" "))]
+    for place, name in enumerate(sorted(several, key=len, reverse=True)):
+        formula, count = re.subn(rf"(?<!\w){re.escape(name)}(?!\w)", f"column_{place}", formula)
+        if count:
+            called[f"column_{place}"] = name
+    return compile_expression(formula, names=list(called)), called
+
+
+# ------------------------------------------------------------------------------------------------------------
+# one function a type of gauge, called with the gauge of the case, the case, the names of its phases and its axes
+
+_Names = Sequence[str]
+
+
+def _unit(axes: _Names, three_d: str, two_d: str) -> str:
+    """The unit in this dimension."""
+    return three_d if len(axes) == 3 else two_d
+
+
+def _energy(spec: Any, case: Any, phases: _Names, axes: _Names) -> list[Column]:
+    surface = ["surface"] if any(pair.coefficient > 0 for pair in case.surface_tension) else []
+    names = ["kinetic", "potential", "elastic", *surface, "total"]
+    for phase in phases:
+        names += [f"kinetic {phase}", f"total {phase}"]
+    return [Column(name, _unit(axes, "J", "J/m")) for name in names]
+
+
+def _momentum(spec: Any, case: Any, phases: _Names, axes: _Names) -> list[Column]:
+    linear, angular = _unit(axes, "kg m/s", "kg/s"), _unit(axes, "kg m^2/s", "kg m/s")
+    return [
+        *(Column(f"momentum_{axis}", linear) for axis in axes),
+        *(Column(f"angular_{axis}", angular) for axis in (axes if len(axes) == 3 else ("z",))),
+        Column("scale", linear),
+        Column("max_speed", "m/s"),
+    ]
+
+
+def _phase_pressure(spec: Any, case: Any, phases: _Names, axes: _Names) -> list[Column]:
+    pairs = [f"{first} - {second}" for first, second in combinations(phases, 2)]
+    return [Column(name, "Pa") for name in [*phases, *pairs, "max", "min"]]
+
+
+def _extents(spec: Any, case: Any, phases: _Names, axes: _Names) -> list[Column]:
+    result = []
+    for phase in phases:
+        for quantity in ("lowest", "highest", "centroid"):
+            result += [Column(f"{quantity}_{axis} {phase}", "m") for axis in axes]
+        result.append(Column(f"front {phase}", "m"))
+        if len(axes) == 2:
+            result.append(Column(f"area {phase}", "m^2"))
+            result += [Column(f"circularity {phase}", "1"), Column(f"roundness {phase}", "1")]
+        else:
+            result.append(Column(f"volume {phase}", "m^3"))
+        result += [Column(f"semi_axis_{axis} {phase}", "m") for axis in axes]
+    return result
+
+
+def _contour(spec: Any, case: Any, phases: _Names, axes: _Names) -> list[Column]:
+    result = []
+    for phase in phases:
+        units = {"perimeter": "m", "circularity": "1", "filling": "1"}
+        result += [Column(f"{name} {phase}", unit) for name, unit in units.items()]
+        result += [Column(f"{end}_{axis} {phase}", "m") for end in ("lowest", "highest") for axis in axes]
+        result += [] if spec.mirror is None else [Column(f"asymmetry {phase}", "m")]
+    return result
+
+
+def _phase_velocity(spec: Any, case: Any, phases: _Names, axes: _Names) -> list[Column]:
+    names = (*(f"velocity_{axis}" for axis in axes), "max_speed")
+    return [Column(f"{name} {phase}", "m/s") for phase in phases for name in names]
+
+
+def _strays(spec: Any, case: Any, phases: _Names, axes: _Names) -> list[Column]:
+    return [Column(phase, "1") for phase in phases]
+
+
+def _interface_length(spec: Any, case: Any, phases: _Names, axes: _Names) -> list[Column]:
+    return [Column("interface_length", _unit(axes, "m^2", "m"))]
+
+
+def _wall_force(spec: Any, case: Any, phases: _Names, axes: _Names) -> list[Column]:
+    unit = _unit(axes, "N", "N/m")
+    return [
+        *(Column(f"force_{axis}", unit) for axis in axes),
+        *(Column(f"force_{axis} {body}", unit) for body in wall_bodies(case) for axis in axes),
+    ]
+
+
+def _samples(spec: Any, case: Any, phases: _Names, axes: _Names) -> list[Column]:
+    result = [Column(axis, "m") for axis in axes]
+    for name in spec.fields:
+        unit = _unit(axes, "m^3", "m^2") if name == "volume" else FIELD_UNITS[name]
+        if name in VECTOR_FIELDS:
+            result += [Column(f"{name}_{axis}", unit) for axis in axes]
+        else:
+            result.append(Column(name, unit))
+    return result
+
+
+_COLUMNS: dict[str, Callable[[Any, Any, _Names, _Names], list[Column]]] = {
+    "energy": _energy,
+    "momentum": _momentum,
+    "phase_pressure": _phase_pressure,
+    "interface_length": _interface_length,
+    "extents": _extents,
+    "contour": _contour,
+    "phase_velocity": _phase_velocity,
+    "strays": _strays,
+    "wall_force": _wall_force,
+    "points": _samples,
+    "line": _samples,
+}

@@ -1,0 +1,173 @@
+"""The section `domain` of a case: the box, and what happens at its sides."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, ClassVar, Literal, Self
+
+from pydantic import (
+    Field,
+    GetJsonSchemaHandler,
+    ModelWrapValidatorHandler,
+    PrivateAttr,
+    model_serializer,
+    model_validator,
+)
+from pydantic_core import CoreSchema
+
+from warpsph.case.values import CaseModel, NumberRule, Vector, WallKind, bad_value, suggestion
+
+AXES = ("x", "y", "z")
+
+
+class Side(CaseModel):
+    """One side of the domain along one axis.
+
+    In a file: `open`, `wall`, `free_slip`, or `{wall: no_slip|free_slip, velocity: [...]}`; `periodic` for
+    both sides.
+    """
+
+    opaque: ClassVar[bool] = True
+
+    wall: WallKind | None = Field(
+        description="no_slip or free_slip wall; nothing on an open or periodic side"
+    )
+    velocity: Vector = Field(
+        default=(),
+        description="velocity of the wall within its own plane, m/s (default zero)",
+        examples=["[1, 0]"],
+    )
+    _periodic: bool = PrivateAttr(default=False)
+
+    @model_validator(mode="wrap")
+    @classmethod
+    def _from_word(cls, value: Any, handler: ModelWrapValidatorHandler[Self]) -> Self:
+        if isinstance(value, str):
+            if value == "periodic":
+                raise bad_value("a single side cannot be periodic", "write periodic for the whole axis")
+            if value not in _SIDE_WORDS:
+                raise bad_value(
+                    f"needs one of {', '.join(_SIDE_WORDS)} or a mapping with the key wall",
+                    suggestion(value, _SIDE_WORDS),
+                )
+            return cls._of(value)
+        if not isinstance(value, Mapping | Side):
+            raise bad_value(f"needs one of {', '.join(_SIDE_WORDS)} or a mapping with the key wall")
+        return handler(value)
+
+    @classmethod
+    def _of(cls, word: str) -> Self:
+        """The side that a single word stands for."""
+        side = cls.model_construct(wall={"wall": "no_slip", "free_slip": "free_slip"}.get(word), velocity=())
+        side._periodic = word == "periodic"
+        return side
+
+    @property
+    def kind(self) -> Literal["open", "wall", "periodic"]:
+        """What the side is."""
+        if self.wall is not None:
+            return "wall"
+        return "periodic" if self._periodic else "open"
+
+    @property
+    def moves(self) -> bool:
+        """Whether the wall has a velocity other than zero."""
+        return any(self.velocity)
+
+    def _plain(self) -> Any:
+        """The shortest way to write this side in a file."""
+        if self.kind != "wall":
+            return self.kind
+        if self.moves:
+            return {"wall": self.wall, "velocity": list(self.velocity)}
+        return "wall" if self.wall == "no_slip" else "free_slip"
+
+
+_SIDE_WORDS = ("open", "wall", "free_slip")
+_AXIS_WORDS = ("periodic", "wall", "open", "free_slip")
+
+
+class AxisBoundary(CaseModel):
+    """Both sides of the domain along one axis."""
+
+    opaque: ClassVar[bool] = True
+
+    lower: Side = Field(default_factory=lambda: Side._of("open"), description="side at the lower end")
+    upper: Side = Field(default_factory=lambda: Side._of("open"), description="side at the upper end")
+
+    @model_validator(mode="wrap")
+    @classmethod
+    def _from_short(cls, value: Any, handler: ModelWrapValidatorHandler[Self]) -> Self:
+        if isinstance(value, str):
+            if value not in _AXIS_WORDS:
+                raise bad_value(
+                    f"needs one of {', '.join(_AXIS_WORDS)} or a mapping with lower and upper",
+                    suggestion(value, _AXIS_WORDS),
+                )
+            side = Side._of(value)
+            return cls.model_construct(lower=side, upper=side)
+        if isinstance(value, AxisBoundary):
+            return handler(value)
+        if not isinstance(value, Mapping):
+            raise bad_value(f"needs one of {', '.join(_AXIS_WORDS)} or a mapping with lower and upper")
+        if "wall" in value or "velocity" in value:
+            # One wall written for the whole axis; problems of the two copies are merged by the report.
+            return handler({"lower": value, "upper": value})
+        return handler(value)
+
+    @property
+    def periodic(self) -> bool:
+        """Whether the axis is periodic."""
+        return self.lower.kind == "periodic"
+
+    @model_serializer
+    def _plain(self) -> Any:
+        lower, upper = self.lower._plain(), self.upper._plain()
+        return lower if lower == upper else {"lower": lower, "upper": upper}
+
+    @classmethod
+    def __get_pydantic_json_schema__(
+        cls, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        wall = {
+            "type": "object",
+            "properties": {
+                "wall": {"enum": ["no_slip", "free_slip"]},
+                "velocity": {"type": "array", "description": "m/s", "items": NumberRule().schema()},
+            },
+            "required": ["wall"],
+            "additionalProperties": False,
+        }
+        side = {"anyOf": [{"enum": list(_SIDE_WORDS)}, wall]}
+        sides = {
+            "type": "object",
+            "properties": {"lower": side, "upper": side},
+            "additionalProperties": False,
+        }
+        return {"anyOf": [{"enum": list(_AXIS_WORDS)}, wall, sides]}
+
+
+class Boundary(CaseModel):
+    """What happens at the sides, per axis: periodic | wall | open | free_slip, or lower and upper apart."""
+
+    x: AxisBoundary = Field(
+        default_factory=AxisBoundary, description="sides across the x axis", examples=["wall"]
+    )
+    y: AxisBoundary = Field(
+        default_factory=AxisBoundary, description="sides across the y axis", examples=["wall"]
+    )
+    z: AxisBoundary = Field(
+        default_factory=AxisBoundary, description="sides across the z axis (3-D only)", examples=["wall"]
+    )
+
+
+class Domain(CaseModel):
+    """The box in which the particles live."""
+
+    lower: Vector = Field(description="lower corner, m", examples=["[0, 0]"])
+    upper: Vector = Field(description="upper corner, m", examples=["[1, 1]"])
+    boundary: Boundary = Field(
+        default_factory=Boundary,
+        description="what happens at the sides (default: open)",
+        examples=["{x: wall, y: wall}"],
+    )

@@ -1,0 +1,184 @@
+"""The section `gauges` of a case: a model for each type of gauge."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal
+
+from pydantic import BeforeValidator, Discriminator, Field, Tag
+
+from warpsph.case.outputs import Timed
+from warpsph.case.values import (
+    ChoiceRule,
+    NumberRule,
+    Vector,
+    as_list,
+    bad_value,
+    field_list,
+    kind_of,
+    schema_of_fields,
+    suggestion,
+)
+from warpsph.errors import MISSING, short
+
+SAMPLED_FIELDS = ("velocity", "density", "pressure", "volume", "phase", "acceleration", "normal", "curvature")
+"""Fields that gauges can interpolate at points and along lines."""
+
+
+class _Gauge(Timed):
+    """A time series written to gauges/<name>.csv."""
+
+    type: str = Field(description="what is measured", examples=["energy"])
+
+
+class EnergyGauge(_Gauge):
+    """Kinetic, potential, elastic and surface energy of the fluid."""
+
+    type: Literal["energy"] = Field(description="energies of the fluid; surface energy where there is surface tension")
+
+
+class MomentumGauge(_Gauge):
+    """Momentum of the fluid."""
+
+    type: Literal["momentum"] = Field(description="momentum of the fluid")
+
+
+class PhasePressureGauge(_Gauge):
+    """Mean pressure of each phase."""
+
+    type: Literal["phase_pressure"] = Field(description="mean pressure of each phase")
+
+
+class InterfaceLengthGauge(_Gauge):
+    """Length (3-D: area) of the interface between phases."""
+
+    type: Literal["interface_length"] = Field(description="length of the interface")
+
+
+class ExtentsGauge(_Gauge):
+    """Extents and centre of each phase."""
+
+    type: Literal["extents"] = Field(description="extents of each phase")
+
+
+class ContourGauge(_Gauge):
+    """The line around each phase (2-D)."""
+
+    type: Literal["contour"] = Field(description="the line around each phase (2-D)")
+    mirror: Annotated[Literal["x", "y"] | None, ChoiceRule(none=True)] = Field(
+        default=None,
+        description="axis across which the scene is symmetric about the middle of the domain: adds asymmetry",
+        examples=["x"],
+    )
+
+
+class PhaseVelocityGauge(_Gauge):
+    """Mean velocity of each phase."""
+
+    type: Literal["phase_velocity"] = Field(description="mean velocity of each phase")
+
+
+class StraysGauge(_Gauge):
+    """Particles that have left their phase."""
+
+    type: Literal["strays"] = Field(description="particles without company of their own phase")
+
+
+class WallForceGauge(_Gauge):
+    """Force of the fluid on the walls."""
+
+    type: Literal["wall_force"] = Field(description="force on the walls")
+
+
+_SampledFields = Annotated[
+    tuple[str, ...], Field(min_length=1), field_list(SAMPLED_FIELDS), schema_of_fields(SAMPLED_FIELDS)
+]
+
+
+class PointsGauge(_Gauge):
+    """Fields at fixed points."""
+
+    type: Literal["points"] = Field(description="fields at points")
+    points: Annotated[tuple[Vector, ...], Field(min_length=1), BeforeValidator(as_list)] = Field(
+        description="the points, m", examples=["[[0, 0]]"]
+    )
+    fields: _SampledFields = Field(description="fields to interpolate", examples=["[pressure]"])
+    area: Annotated[float | None, NumberRule(above=0, none=True)] = Field(
+        default=None,
+        description="face of a sensor around each point, in the plane of the wall: a disc, m^2; in 2-D its length along the "
+        "wall, m. Each field is the mean over it, by linear fits; what is dry has no pressure (default: values at points)",
+        examples=["4.2e-3"],
+    )
+    normal: Vector | None = Field(
+        default=None,
+        description="direction at right angles to the faces, of any length (default: that of the nearest wall)",
+        examples=["[1, 0]"],
+    )
+
+
+class LineGauge(_Gauge):
+    """Fields at evenly spaced points of a line."""
+
+    type: Literal["line"] = Field(description="fields along a line")
+    from_: Vector = Field(alias="from", description="first point, m", examples=["[0, 0]"])
+    to: Vector = Field(description="last point, m", examples=["[0, 1]"])
+    count: Annotated[int, NumberRule(least=2, most=1_000_000, integer=True)] = Field(
+        description="number of points, both ends included", examples=["51"]
+    )
+    fields: _SampledFields = Field(description="fields to interpolate", examples=["[velocity]"])
+
+
+GAUGES: dict[str, type[_Gauge]] = {
+    "energy": EnergyGauge,
+    "momentum": MomentumGauge,
+    "phase_pressure": PhasePressureGauge,
+    "interface_length": InterfaceLengthGauge,
+    "extents": ExtentsGauge,
+    "contour": ContourGauge,
+    "phase_velocity": PhaseVelocityGauge,
+    "strays": StraysGauge,
+    "wall_force": WallForceGauge,
+    "points": PointsGauge,
+    "line": LineGauge,
+}
+
+
+def _gauge_type(value: Any) -> str:
+    """Tag of the gauge model, in < > so that the report can tell it from a key."""
+    return f"<{value['type'] if isinstance(value, Mapping) else value.type}>"
+
+
+def _check_gauge_type(value: Any) -> Any:
+    if isinstance(value, _Gauge):
+        return value
+    if not isinstance(value, Mapping):
+        raise bad_value("needs a mapping with type and interval", "write e.g. {type: energy, interval: 0.1}")
+    kind = value.get("type", MISSING)
+    if kind is MISSING:
+        close = difflib.get_close_matches("type", [key for key in value if isinstance(key, str)], 1)
+        remedy = f"did you mean type where {short(close[0])} is?" if close else "add type: " + " | ".join(GAUGES)
+        raise bad_value("needs the key type", remedy)
+    if not isinstance(kind, str) or kind not in GAUGES:
+        raise bad_value(
+            f"has an unknown type {short(kind) if isinstance(kind, str) else kind_of(kind)}",
+            suggestion(kind, GAUGES),
+        )
+    return value
+
+
+Gauge = Annotated[
+    Annotated[EnergyGauge, Tag("<energy>")]
+    | Annotated[MomentumGauge, Tag("<momentum>")]
+    | Annotated[PhasePressureGauge, Tag("<phase_pressure>")]
+    | Annotated[InterfaceLengthGauge, Tag("<interface_length>")]
+    | Annotated[ExtentsGauge, Tag("<extents>")]
+    | Annotated[ContourGauge, Tag("<contour>")]
+    | Annotated[PhaseVelocityGauge, Tag("<phase_velocity>")]
+    | Annotated[StraysGauge, Tag("<strays>")]
+    | Annotated[WallForceGauge, Tag("<wall_force>")]
+    | Annotated[PointsGauge, Tag("<points>")]
+    | Annotated[LineGauge, Tag("<line>")],
+    Discriminator(_gauge_type),
+    BeforeValidator(_check_gauge_type),
+]

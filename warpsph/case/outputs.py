@@ -1,0 +1,94 @@
+"""The section `output` of a case, and what it has in common with gauges: times."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated, Any, Self
+
+from pydantic import Field, ModelWrapValidatorHandler, model_validator
+
+from warpsph.case.values import (
+    AlsoWritten,
+    CaseModel,
+    NumberRule,
+    PositiveNumber,
+    Times,
+    bad_value,
+    example,
+    field_list,
+    schema_of_fields,
+)
+
+PARTICLE_FIELDS = (
+    "velocity", "density", "pressure", "mass", "volume", "phase", "particle_spacing", "particle_id",
+    "acceleration", "normal", "curvature",
+)  # fmt: skip
+"""Fields that particle output may hold (positions are always written)."""
+
+
+class Timed(CaseModel):
+    """Something that happens every `interval` or at given `times`; exactly one of both."""
+
+    interval: PositiveNumber | None = Field(
+        default=None, description="time between outputs, s", examples=["0.1"]
+    )
+    times: Times | None = Field(
+        default=None, description="times of the outputs, s, rising", examples=["[0.1, 0.2]"]
+    )
+
+    @model_validator(mode="wrap")
+    @classmethod
+    def _has_times(cls, value: Any, handler: ModelWrapValidatorHandler[Self]) -> Self:
+        if isinstance(value, Mapping):
+            for key in ("interval", "times"):
+                if key in value and value[key] is None:
+                    raise bad_value(
+                        f"{key} has no value", f"write e.g. {key}: {example(cls.model_fields[key])}"
+                    )
+        result = handler(value)
+        if (result.interval is None) == (result.times is None):
+            # A misspelt key has been reported by the handler before this is reached.
+            which = "both" if result.times is not None else "neither"
+            raise bad_value(f"needs either interval or times, has {which}", "write e.g. interval: 0.1")
+        return result
+
+
+class ParticleOutput(Timed):
+    """Particle files."""
+
+    fields: Annotated[tuple[str, ...], field_list(PARTICLE_FIELDS), schema_of_fields(PARTICLE_FIELDS)] = (
+        Field(
+            default=("velocity", "density", "pressure", "mass", "phase"),
+            description="fields to write",
+            examples=["[velocity, pressure]"],
+        )
+    )
+
+
+class CheckpointOutput(CaseModel):
+    """Files from which a run can be continued."""
+
+    interval: PositiveNumber = Field(description="simulated time between checkpoints, s", examples=["1"])
+    keep: Annotated[int, NumberRule(least=1, most=1_000_000, integer=True)] = Field(
+        default=3, description="how many of the last ones are kept", examples=["3"]
+    )
+
+
+def _none_word(value: Any) -> Any:
+    """`none` switches an output off."""
+    return None if isinstance(value, str) and value == "none" else value
+
+
+class Output(CaseModel):
+    """What is written beside the gauges. Each part may be `none`."""
+
+    particles: Annotated[ParticleOutput | None, AlsoWritten(_none_word, {"const": "none"})] = Field(
+        default=None,
+        description="particle files; none: not written (default: 20 times a run)",
+        examples=["{interval: 0.1}"],
+    )
+    checkpoint: Annotated[CheckpointOutput | None, AlsoWritten(_none_word, {"const": "none"})] = Field(
+        default=None,
+        description="restart files; none: not written (default: 10 times a run)",
+        examples=["{interval: 0.5}"],
+    )

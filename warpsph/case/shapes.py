@@ -1,0 +1,140 @@
+"""Regions of space, of fluids and obstacles."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Mapping
+from typing import Annotated, Any, ClassVar, Self
+
+from pydantic import (
+    BeforeValidator,
+    Field,
+    GetJsonSchemaHandler,
+    ModelWrapValidatorHandler,
+    model_serializer,
+    model_validator,
+)
+from pydantic_core import CoreSchema
+
+from warpsph.case.expressions import Expression
+from warpsph.case.values import (
+    CaseModel,
+    FormulaRule,
+    PositiveNumber,
+    Vector,
+    as_list,
+    bad_value,
+    example,
+    suggestion,
+)
+
+
+class Box(CaseModel):
+    """Axis-parallel box."""
+
+    lower: Vector = Field(description="lower corner, m", examples=["[0, 0]"])
+    upper: Vector = Field(description="upper corner, m", examples=["[1, 1]"])
+
+
+class Sphere(CaseModel):
+    """Ball; a disc in 2-D."""
+
+    center: Vector = Field(description="centre, m", examples=["[0, 0]"])
+    radius: PositiveNumber = Field(description="radius, m", examples=["0.25"])
+
+
+class Polygon(CaseModel):
+    """Inside of a closed polygon (2-D)."""
+
+    points: Annotated[tuple[Vector, ...], BeforeValidator(as_list)] = Field(
+        description="corners in order, m; the last is joined to the first",
+        examples=["[[0, 0], [1, 0], [0, 1]]"],
+    )
+
+
+class Where(CaseModel):
+    """All points of the domain that fulfil a condition."""
+
+    condition: Annotated[Expression, FormulaRule(condition=True)] = Field(
+        description="formula in x, y, z (m) and r that is true inside",
+        examples=['"y < 0.5 + 0.1*sin(2*pi*x)"'],
+    )
+
+
+SHAPES = ("box", "sphere", "polygon", "where")
+
+
+class Shape(CaseModel):
+    """A region: exactly one of box, sphere, polygon, where; or the word `rest`, all that remains."""
+
+    opaque: ClassVar[bool] = True
+
+    box: Box | None = Field(
+        default=None, description="axis-parallel box", examples=["{lower: [0, 0], upper: [1, 1]}"]
+    )
+    sphere: Sphere | None = Field(
+        default=None, description="ball, disc in 2-D", examples=["{center: [0, 0], radius: 1}"]
+    )
+    polygon: Polygon | None = Field(
+        default=None, description="closed polygon (2-D)", examples=["{points: [[0, 0], [1, 0], [0, 1]]}"]
+    )
+    where: Where | None = Field(
+        default=None, description="all points that fulfil a condition", examples=['{condition: "y < 0.5"}']
+    )
+
+    @model_validator(mode="wrap")
+    @classmethod
+    def _one_of(cls, value: Any, handler: ModelWrapValidatorHandler[Self]) -> Self:
+        if isinstance(value, Shape):
+            return handler(value)
+        options = f"needs exactly one of {', '.join(SHAPES)} with its numbers, or the word rest"
+        if isinstance(value, str):
+            if value != "rest":
+                remedy = (
+                    f"write {{{value}: {{...}}}}" if value in SHAPES else suggestion(value, [*SHAPES, "rest"])
+                )
+                raise bad_value(options, remedy)
+            return cls.model_construct(box=None, sphere=None, polygon=None, where=None, _fields_set=set())
+        if not isinstance(value, Mapping):
+            raise bad_value(options)
+        known = [key for key in value if key in SHAPES]
+        if "rest" in value:
+            raise bad_value(options, "write shape: rest")
+        if len(known) > 1 or (
+            not known and not any(difflib.get_close_matches(str(k), SHAPES) for k in value)
+        ):
+            raise bad_value(options)
+        for key in known:
+            if value[key] is None:
+                raise bad_value(
+                    f"{key} has no value", f"write e.g. {{{key}: {example(cls.model_fields[key])}}}"
+                )
+        return handler(value)
+
+    @property
+    def kind(self) -> str:
+        """box, sphere, polygon, where or rest."""
+        return next((name for name in SHAPES if getattr(self, name) is not None), "rest")
+
+    @model_serializer
+    def _plain(self) -> Any:
+        kind = self.kind
+        return "rest" if kind == "rest" else {kind: getattr(self, kind).model_dump()}
+
+    @classmethod
+    def __get_pydantic_json_schema__(
+        cls, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        inner = handler.resolve_ref_schema(handler(schema))
+        parts = {}
+        for name, part in inner.get("properties", {}).items():
+            options = [option for option in part.get("anyOf", []) if option.get("type") != "null"]
+            parts[name] = options[0] if options else part
+        region = {
+            "type": "object",
+            "properties": parts,
+            "additionalProperties": False,
+            "minProperties": 1,
+            "maxProperties": 1,
+        }
+        return {"anyOf": [{"const": "rest"}, region], "description": inner.get("description", "")}

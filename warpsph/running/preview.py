@@ -1,0 +1,109 @@
+"""What a run would be, before it: its structure, and what it takes of memory and time."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from warpsph.case.case_file import as_case
+from warpsph.engine.program import lines
+from warpsph.running import memory
+from warpsph.scene.geometry import build
+from warpsph.scene.physics import derive, support_radius
+
+if TYPE_CHECKING:
+    from warpsph.case.case import Case
+
+    CaseLike = Case | Path | str | Mapping[str, Any]
+
+# Million particle-steps per second to expect where nothing was measured yet, for the estimate of `check`.
+GUESSED_RATE = 2.0
+
+
+def describe(case: CaseLike) -> dict[str, Any]:
+    """Return what a run of the case would be: resolved case, structure, stages, and what is absent and why.
+
+    Compiles and allocates nothing on a device.
+
+    Raises:
+        CapacityError: the particles do not fit the memory of this machine.
+    """
+    case = as_case(case)
+    refused = memory.shortage(case)
+    if refused is not None:
+        raise refused
+    geometry = build(case, support_radius(case))
+    physics = derive(case, geometry)
+    known: dict[str, Any] = {
+        f"numerics.{key}": value for key, value in physics.choices.items() if value is not None
+    }
+    for name, c in zip(case.phase_names, physics.sound_speed, strict=True):
+        known[f"phases.{name}.sound_speed"] = c
+    known |= {f"scales.{name}": value for name, value in physics.scales.items() if value > 0}  # 0: nothing is known
+    known["start.arrangement"] = geometry.arrangement
+    spec = physics.spec
+    return {
+        "resolved": case.resolved(known),
+        "structure": {
+            **{name: value for name, value in dataclasses.asdict(spec).items() if name not in ("row_list", "wide_list")},
+            "smoothing length": f"{physics.h:.6g} m",
+            "support radius": f"{physics.support:.6g} m",
+            "start arrangement": f"{geometry.arrangement}: {geometry.arrangement_reason}",
+            "step limits": {name: f"{value:.4g} s" for name, value in physics.step_cap.items()},
+            "fields": [field.name for field in case.scheme.fields() if field.exists(spec)],
+        },
+        "reasons": {**physics.reasons, "start.arrangement": geometry.arrangement_reason},
+        "stages": [
+            {"name": name, "reason": reason, "depth": depth} for depth, name, reason in lines(case.scheme.program(spec).step)
+        ],
+        "absent": [{"name": row.name, "reason": row.reason} for row in case.scheme.absent(spec)],
+        "warnings": [*geometry.warnings, *physics.warnings],
+    }
+
+
+def estimate(case: CaseLike) -> dict[str, Any]:
+    """Return particle counts, memory of the device and of the host [bytes], time step [s], steps, seconds, and warnings.
+
+    Where the particles do not even fit the memory that building them takes, there are the first four alone, from
+    arithmetic, and `refused`, the CapacityError to raise.
+    """
+
+    case = as_case(case)
+    found = memory.count(case, support_radius(case))
+    refused = memory.shortage(case, found=found)
+    if refused is not None:
+        return {
+            "particles": found.fluid,
+            "walls": found.walls,
+            "memory_bytes": memory.expected_on_device(case, found),
+            "host_bytes": memory.building(case, found),
+            "refused": refused,
+        }
+    geometry = build(case, support_radius(case))
+    physics = derive(case, geometry)
+    spec = physics.spec
+    skin = float(physics.choices["skin"])
+    fluid, walls = geometry.fluid_count, geometry.wall_count
+    taken = memory.on_device(case, spec, fluid, walls, physics.support, skin, geometry.lattice)
+    warnings = [*geometry.warnings, *physics.warnings]
+    free, host = memory.host_free(), memory.running_on_host(case, found)
+    if free is not None and host + taken > free:
+        warnings.append(
+            f"memory: a run on the CPU takes {(host + taken) / 1e9:.3g} GB, but {free / 1e9:.3g} GB are free here; it needs "
+            f"a device with {taken / 1e9:.3g} GB, or a larger particle_spacing"
+        )
+    dt = physics.estimated_step()
+    steps = math.ceil(case.end_time / dt)
+    return {
+        "particles": fluid,
+        "walls": walls,
+        "memory_bytes": taken,
+        "host_bytes": host,
+        "dt": dt,
+        "steps": steps,
+        "seconds": steps * geometry.count / (GUESSED_RATE * 1e6),
+        "warnings": warnings,
+    }
