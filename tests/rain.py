@@ -8,7 +8,7 @@ import warp as wp
 
 from warpsph.case.numerics import NumericsBase
 from warpsph.engine.integrators import kick_drift_kick
-from warpsph.engine.program import Births, KeepList, Program, Stage
+from warpsph.engine.program import Births, BuildList, KeepList, Program, Stage
 from warpsph.kernels.core.changes import make_due, make_exit
 from warpsph.kernels.core.clock import LIVE, NEXT_ID, TIME, make_advance
 from warpsph.kernels.core.fields import COMMON, FLOW, Field, always
@@ -49,6 +49,7 @@ def make_entry(spec: Spec) -> Any:
         clock: wp.array(dtype=wp.float64),
         counters: wp.array(dtype=int),
         layers_due: wp.array(dtype=int),
+        drop_volume: real,
         weight: wp.array(dtype=vec),
         sites: wp.array(dtype=vec),
         entry_velocity: wp.array(dtype=vec),
@@ -73,7 +74,7 @@ def make_entry(spec: Spec) -> Any:
             position[i] = x
             velocity[i] = entry_velocity[0] + weight[0] * age
             fall[i] = weight[0]
-            rest_volume[i] = rest_volume[0]
+            rest_volume[i] = drop_volume
             particle_id[i] = identity
             alive[i] = wp.uint8(1)
 
@@ -90,7 +91,8 @@ class Rain(Scheme):
     name = "rain"
     summary = "drops that fall freely"
     numerics = RainNumerics
-    period, speed, step, room = 0.05, 1.0, 0.0005, 0
+    period, speed, time_step = 0.0507, 1.0, 0.0005
+    first_room = 0
 
     def fields(self):
         """Places, a volume, an acceleration."""
@@ -105,14 +107,18 @@ class Rain(Scheme):
         return Physics(
             spec=spec, choices={"courant": 1.0, "skin": 0.5, "unlock": 0.0}, reasons={},
             h=smoothing_ratio(case) * case.spacing, support=support_radius(case), sound_speed=(1.0,),
-            scales={"velocity": 1.0}, step_cap={"fixed": self.step}, densities=(1000.0,), tension=np.zeros((1, 1)),
+            scales={"velocity": 1.0}, step_cap={"fixed": self.time_step}, densities=(1000.0,), tension=np.zeros((1, 1)),
         )  # fmt: skip
 
-    def capacity(self, case, geometry, physics):
-        """Room for so many particles at first."""
-        return self.room
+    def room(self, case, geometry):
+        """Room for so many drops at first."""
+        return self.first_room
 
-    def values(self, params, case, physics):
+    def fill(self, population, case, geometry, physics):
+        """Volumes."""
+        population.put("rest_volume", geometry.volume[: geometry.fluid_count])
+
+    def values(self, params, case, geometry, physics, device):
         """The layer: its places, the velocity that it enters with, and its weight."""
         vec = types_of(physics.spec).vec
         count = round((case.domain.upper[0] - case.domain.lower[0]) / case.spacing)
@@ -120,15 +126,15 @@ class Rain(Scheme):
         self.layer = count
         sites = np.zeros((count, case.dimension))
         sites[:, 0], sites[:, 1] = across, case.domain.upper[1]
-        device = self.device
         return {
             "layer_size": count,
             "layer_period": wp.float64(self.period),
-            "first_id": self.first_id,
+            "first_id": geometry.count,
             "weight": wp.array([list(case.gravity)], dtype=vec, device=device),
             "sites": wp.array(sites, dtype=vec, device=device),
             "entry_velocity": wp.array([[0.0, -self.speed, 0.0][: case.dimension]], dtype=vec, device=device),
             "layers_due": wp.zeros(1, dtype=int, device=device),
+            "drop_volume": types_of(physics.spec).real(case.spacing**case.dimension),
         }
 
     def program(self, spec):
@@ -149,8 +155,6 @@ class Rain(Scheme):
             ),
             KeepList(),
         ]
-        from warpsph.engine.program import BuildList
-
         return Program(step=step, start=[BuildList("the first list"), fall], advance=self.advance(spec))
 
     def advance(self, spec):

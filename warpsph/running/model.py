@@ -37,7 +37,7 @@ from warpsph.start import start_warp
 if TYPE_CHECKING:
     from warpsph.case.case import Case
 
-KEPT_COUNTERS = (ck.STEPS, ck.REBUILDS, ck.STEPS_SINCE_RARE, ck.CHECKS, ck.STRAIGHT, ck.USELESS)
+KEPT_COUNTERS = (ck.STEPS, ck.REBUILDS, ck.STEPS_SINCE_RARE, ck.CHECKS, ck.STRAIGHT, ck.USELESS, ck.LIVE, ck.NEXT_ID)
 
 
 def quiet_warp(device: str = "cpu") -> None:
@@ -101,7 +101,8 @@ class Model:
             del self.geometry  # of millions of particles there is no room for two
             self.geometry = build(case, self.physics.support, unlock, arrange)
         counts = self.geometry.fluid_count, self.geometry.wall_count
-        self.particles = Population(self.physics.spec, self.scheme.fields(), *counts, self.device)
+        room = self.scheme.room(case, self.geometry)
+        self.particles = Population(self.physics.spec, self.scheme.fields(), *counts, self.device, room)
         self._fill()
         self.stepper = self._make_stepper()
         self._leak_tasks = self.stepper.list.leak_tasks("position")
@@ -142,7 +143,7 @@ class Model:
         case, physics, spec = self.case, self.physics, self.physics.spec
         real = types_of(spec).real
         params = self._params()
-        own = self.scheme.values(params, case, physics)
+        own = self.scheme.values(params, case, self.geometry, physics, self.device)
         phases = self._phases()
         return {
             "params": params,
@@ -368,12 +369,21 @@ class Model:
             "leak_counts": self.stepper.bindings["leak_counts"].numpy(),
         }
 
+    def _make_room(self, state: dict[str, np.ndarray]) -> None:
+        """Make room for the particles of a saved state, of which there may be more than at the start, or fewer."""
+        live = int(state["counters"][ck.LIVE])
+        self.stepper.write(counters={ck.LIVE: live})
+        if live > self.particles.fluid_capacity:
+            self.stepper.grow(live)
+
     def load_state(self, state: dict[str, np.ndarray]) -> None:
         """Continue from a saved state of the same case, bit by bit.
 
         Raises:
             ValueError: the state does not fit the particles of this case.
         """
+        if self.particles.changing:
+            self._make_room(state)
         for name, field in self.particles.fields.items():
             if field.kept:
                 if name not in state:

@@ -84,11 +84,15 @@ class Scheme:
 
     # the start -----------------------------------------------------------------------------------------------------------
 
+    def room(self, case: Any, geometry: Geometry) -> int:
+        """Return for how many fluid particles there is room at first, where their number changes (`Spec.changing`)."""
+        return geometry.fluid_count
+
     def fill(self, population: Population, case: Any, geometry: Geometry, physics: Physics) -> None:
         """Put the start values into fields beside anchor, position, velocity, phase, id and those of the walls."""
 
-    def values(self, params: Any, case: Any, physics: Physics) -> dict[str, Any]:
-        """Set its members of `params`, and return further kernel arguments by name."""
+    def values(self, params: Any, case: Any, geometry: Geometry, physics: Physics, device: Any) -> dict[str, Any]:
+        """Set its members of `params`, and return further kernel arguments by name, arrays on the device."""
         return {}
 
     def set_clock(self, clock: np.ndarray, counters: np.ndarray, physics: Physics) -> None:

@@ -91,7 +91,7 @@ class IsphScheme(Scheme):
         state[:fluid, 0] = geometry.pressure[:fluid]
         population.put("state", state)
 
-    def values(self, params: Any, case: Any, physics: Physics) -> dict[str, Any]:
+    def values(self, params: Any, case: Any, geometry: Geometry, physics: Physics, device: Any) -> dict[str, Any]:
         """Set the numbers of its sweeps; return those of the deferred correction and of the rows below a surface."""
         from warpsph.schemes.isph_physics import row_shares
 

@@ -77,7 +77,7 @@ class RiemannScheme(Scheme):
         population.put("density_excess", excess)
         population.put("rest_volume", geometry.volume[: geometry.fluid_count] * (1.0 + excess))
 
-    def values(self, params: Any, case: Any, physics: Physics) -> dict[str, Any]:
+    def values(self, params: Any, case: Any, geometry: Geometry, physics: Physics, device: Any) -> dict[str, Any]:
         """Set the numbers of its sweeps."""
         choices = physics.choices
         if physics.spec.room:
