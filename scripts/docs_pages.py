@@ -96,7 +96,7 @@ def case_names() -> list[str]:
 def case_groups() -> dict[str, list[str]]:
     """Names of the shipped cases by what they are about."""
     groups: dict[str, list[str]] = {
-        "Surface tension": [],
+        "Several fluids, surface tension": [],
         "Several fluids": [],
         "One fluid, Riemann scheme": [],
         "One fluid, projection ISPH": [],
@@ -104,7 +104,7 @@ def case_groups() -> dict[str, list[str]]:
     for path in sorted((ROOT / "cases").glob("*.yaml")):
         case = load_case(path)
         if case.has_surface_tension:
-            group = "Surface tension"
+            group = "Several fluids, surface tension"
         elif len(case.phases) > 1:
             group = "Several fluids"
         else:
@@ -125,9 +125,13 @@ def pictures(name: str) -> list[Path]:
 
 
 def escaped(text: str) -> str:
-    """Text that Markdown shows as it is, but for what stands in backquotes."""
+    """Text that Markdown shows as it is, also in a table, but for what stands in backquotes."""
     parts = re.split(r"(`[^`]*`)", text)
-    return "".join(part if part.startswith("`") else re.sub(r"([*_<>\[\]|^~])", r"\\\1", part) for part in parts)
+    return "".join(part if part.startswith("`") else re.sub(r"([*_\[\]{}])", r"\\\1", _entities(part)) for part in parts)
+
+
+def _entities(text: str) -> str:
+    return html.escape(text, quote=False).replace("|", "&#124;").replace("$", "&#36;")
 
 
 def heading_comment(path: Path) -> str:
@@ -236,7 +240,7 @@ def run_table(run: Mapping[str, Any]) -> list[str]:
         "|---|---:|---:|---:|---:|---|---|",
     ]
     for row in run["rows"]:
-        unit = row.get("unit", "")
+        unit = "" if row.get("unit") == "1" else row.get("unit") or ""
         cells = [
             row["quantity"].replace("_", " "),
             f"{number(row['value'])} {unit}".strip(),
@@ -404,7 +408,8 @@ def _plain_words(schema: Mapping[str, Any]) -> Iterator[str]:
     elif kind == "boolean":
         yield "`true`, `false`"
     elif kind == "array":
-        yield f"list of {words(schema.get('items', {})) or 'values'}"
+        inside = words(schema.get("items", {})) or "value"
+        yield "list of " + re.sub(r"^(number|text|value|whole number)\b", r"\1s", inside)
     elif kind == "object" and "properties" in schema:
         yield "mapping with " + ", ".join(f"`{key}`" for key in schema["properties"])
     elif kind == "object":
