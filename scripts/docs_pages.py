@@ -159,7 +159,7 @@ def gallery(_: str) -> str:
             if shown:
                 lines += [f"    ![]({link_to(shown[0])}){{ loading=lazy }}", ""]
             first = heading_comment(ROOT / "cases" / f"{name}.yaml").split("\n\n")[0]
-            lines += [f"    {first}", ""]
+            lines += [f"    {re.split(r'(?<=[a-z0-9)][.]) (?=[A-Z])', first)[0]}", ""]
         lines += ["</div>", ""]
     return "\n".join(lines)
 
@@ -281,13 +281,23 @@ def keys(_: str) -> str:
     lines = ["## The case {#case}", "", schema["description"].split("\n")[0], "", *key_table(schema), ""]
     for name, where in places.items():
         part = parts[name]
-        title = ", ".join(f"`{place}`" for place in dict.fromkeys(where))
+        title = ", ".join(f"`{place}`" for place in dict.fromkeys(where)) + variant(part)
         lines += [f"## {title} {{#{anchor(name)}}}", "", part.get("description", "").split("\n\n")[0].replace("\n", " "), ""]
         if "properties" in part:
             lines += [*key_table(part), ""]
         else:
             lines += [f"One of: {words(part)}.", "", *short_table(part, parts), ""]
     return "\n".join(lines)
+
+
+def variant(part: Mapping[str, Any]) -> str:
+    """What tells a part from others at the same place: the type of a gauge, the kind of a reference."""
+    kinds = part.get("properties", {})
+    if "const" in kinds.get("type", {}):
+        return f" of type `{kinds['type']['const']}`"
+    if "allowed" in kinds and "source" in kinds:
+        return next(f" with `{kind}`" for kind in ("value", "curve", "curves", "exact", "interface") if kind in kinds)
+    return ""
 
 
 def anchor(name: str) -> str:
