@@ -1,8 +1,8 @@
 """What the site of the docs has beyond its Markdown files; a hook of MkDocs, named in mkdocs.yml.
 
 - gallery/CASE.md for each case file: title, description, pictures, errors from the records, commands, the file;
-- `<!-- generated: gallery -->`, `keys`, `columns GAUGE`, `help COMMAND` in a page: replaced by what is read from the case
-  files, the schema of cases, the gauges and the command line at the time of the build;
+- `<!-- generated: gallery -->`, `keys`, `columns GAUGE`, `help COMMAND`, `api NAME` in a page: replaced by what is read from
+  the case files, the schema of cases, the gauges, the command line and the public names at the time of the build;
 - equations: TeX between dollars becomes MathML, which browsers show without a script or a network.
 
 Whatever cannot be generated ends the build.
@@ -29,10 +29,16 @@ from mkdocs.structure.pages import Page
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
+import warpsph  # noqa: E402
 from warpsph import Case, load_case  # noqa: E402
 from warpsph.measure import gauges  # noqa: E402
 
 LEVELS = ("quick", "seed", "fine")
+# Members of public classes that a user calls; of the other classes all that are documented.
+MEMBERS = {
+    "Case": ["from_dict", "load", "replace", "to_dict", "resolved", "spacing", "phase_names", "periodic", "source_folder"],
+    "Simulation": ["gauge", "state", "run", "close"],
+}
 MARK = re.compile(r"<!-- generated: (\w+) ?(\w*) -->")
 INLINE = re.compile(r'<span class="arithmatex">\\\((.*?)\\\)</span>', re.DOTALL)
 DISPLAY = re.compile(r'<div class="arithmatex">\s*\\\[(.*?)\\\]\s*</div>', re.DOTALL)
@@ -173,11 +179,13 @@ def case_page(name: str, runs: list[dict[str, Any]]) -> str:
     """The page of a case; `runs` as from `measured`."""
     path = ROOT / "cases" / f"{name}.yaml"
     case = load_case(path)
-    kind = f"{case.dimension}-D, {len(case.phases)} phase{'s' if len(case.phases) > 1 else ''}, scheme `{case.numerics.scheme}`"
+    phases = "one phase" if len(case.phases) == 1 else f"{len(case.phases)} phases"
+    kind = f"{case.dimension}-D, {phases}, scheme `{case.numerics.scheme}`"
     lines = [f"# {escaped(case.title)}", "", f"Case `{name}`: {kind}.", "", heading_comment(path), ""]
     if case.description:
         lines += [escaped(case.description), ""]
-    lines += ["```sh", f"python -m warpsph run cases/{name}.yaml", f"python -m warpsph validate {name} --level quick", "```", ""]
+    commands = [f"python -m warpsph run cases/{name}.yaml", f"python -m warpsph validate {name} --level quick"]
+    lines += ["```sh", *commands, "```", ""]
     for picture in pictures(name):
         rest = picture.stem[len(name) + 1 :].replace("_", " ")
         caption = escaped(case.title + (f": {rest}" if rest else ""))
@@ -428,7 +436,7 @@ def _plain_words(schema: Mapping[str, Any]) -> Iterator[str]:
 
 
 # ------------------------------------------------------------------------------------------------------------
-# gauges and commands
+# gauges, commands, public names
 
 
 def scene(dimension: int, gauge: Mapping[str, Any]) -> Case:
@@ -490,4 +498,12 @@ def command_help(command: str) -> str:
     return f"```text\n{done.stdout.strip()}\n```"
 
 
-GENERATORS = {"gallery": gallery, "keys": keys, "columns": columns, "help": command_help}
+def api(name: str) -> str:
+    """What mkdocstrings makes of a public name, wherever it is defined."""
+    lines = [f"::: {getattr(warpsph, name).__module__}.{name}", "    options:", "      heading_level: 3"]
+    if name in MEMBERS:
+        lines += ["      show_bases: false", f"      members: [{', '.join(MEMBERS[name])}]"]
+    return "\n".join(lines)
+
+
+GENERATORS = {"gallery": gallery, "keys": keys, "columns": columns, "help": command_help, "api": api}
