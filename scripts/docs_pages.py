@@ -282,6 +282,7 @@ def keys(_: str) -> str:
     """All keys of a case file from its schema, a table for each part."""
     schema = Case.model_json_schema(by_alias=True, mode="validation")
     parts = schema["$defs"]
+    name_parts(schema, parts)
     places: dict[str, list[str]] = {}
     order = list(_parts(schema, "", parts))
     for name, place in order:
@@ -298,11 +299,24 @@ def keys(_: str) -> str:
     return "\n".join(lines)
 
 
+def name_parts(schema: Mapping[str, Any], parts: dict[str, Any]) -> None:
+    """Make parts with names of the mappings that stand, in place, among the choices of a key of `schema`."""
+    for key, inner in schema["properties"].items():
+        for choices in (inner.get("oneOf", []), inner.get("anyOf", [])):
+            for place, option in enumerate(choices):
+                if "description" in option and "properties" in option:
+                    words = (key, *(str(kind["const"]) for kind in option["properties"].values() if "const" in kind))
+                    name = "".join(word.title() for text in words for word in text.split("_"))
+                    parts[name] = option
+                    choices[place] = {"$ref": f"#/$defs/{name}"}
+
+
 def variant(part: Mapping[str, Any]) -> str:
-    """What tells a part from others at the same place: the type of a gauge, the kind of a reference."""
+    """What tells a part from others at the same place: the type of a gauge, a scheme, the kind of a reference."""
     kinds = part.get("properties", {})
-    if "const" in kinds.get("type", {}):
-        return f" of type `{kinds['type']['const']}`"
+    for key, inner in kinds.items():
+        if "const" in inner:
+            return f" with `{key}: {inner['const']}`"
     if "allowed" in kinds and "source" in kinds:
         return next(f" with `{kind}`" for kind in ("value", "curve", "curves", "exact", "interface") if kind in kinds)
     return ""

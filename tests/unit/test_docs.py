@@ -124,6 +124,16 @@ def test_every_public_name_is_described():
     assert [name for name in sorted(names) if f"<!-- generated: api {name} -->" not in text] == []
 
 
+def every_key(schema):
+    """The keys of all mappings in a schema."""
+    if isinstance(schema, list):
+        return {key for item in schema for key in every_key(item)}
+    if not isinstance(schema, dict):
+        return set()
+    inner = {name for name in schema.get("properties", {}) if isinstance(schema["properties"], dict)}
+    return inner | {key for item in schema.values() for key in every_key(item)}
+
+
 @pytest.fixture(scope="module")
 def pages():
     """scripts/docs_pages.py, where MkDocs is installed."""
@@ -137,14 +147,21 @@ def pages():
 
 def test_keys_are_listed_with_limits_defaults_and_examples(pages):
     text = pages.keys("")
-    row = "| `courant` | time step divided by h/(c + v) | number &gt; 0 and &le; 2, `auto` | `auto` | `courant: 0.5` |"
+    row = "| `gamma` | exponent of the equation of state (7 liquid, 1.4 gas) | number &ge; 1 and &le; 20 | `7` | `gamma: 7` |"
     assert row in text
     assert "## `phases.NAME` {#phase}" in text
-    part = Case.model_json_schema(by_alias=True, mode="validation")["$defs"]["Numerics"]
-    assert [key for key in part["properties"] if f"| `{key}` |" not in text] == []
-    part["properties"]["courant"].pop("examples")
-    with pytest.raises(pages.PluginError, match="courant.*no example"):
-        pages.key_table(part)
+    assert sorted(key for key in every_key(Case.model_json_schema(by_alias=True)) if f"| `{key}` |" not in text) == []
+    with pytest.raises(pages.PluginError, match="courant of Numerics has no example"):
+        pages.key_table({"title": "Numerics", "properties": {"courant": {"type": "number"}}})
+
+
+def test_choices_of_a_key_have_tables_of_their_own(pages):
+    """A mapping that stands in place among the choices of a key, not under a name of its own."""
+    choices = [{"description": "d", "properties": {"scheme": {"const": word}}} for word in ("a", "b")]
+    parts = {}
+    pages.name_parts({"properties": {"numerics": {"oneOf": choices}}}, parts)
+    assert choices == [{"$ref": "#/$defs/NumericsA"}, {"$ref": "#/$defs/NumericsB"}]
+    assert pages.variant(parts["NumericsB"]) == " with `scheme: b`"
 
 
 def test_a_picture_belongs_to_the_case_with_the_longest_name(pages):
