@@ -134,15 +134,20 @@ def every_key(schema):
     return inner | {key for item in schema.values() for key in every_key(item)}
 
 
+def script(name):
+    """A script as a module."""
+    spec = importlib.util.spec_from_file_location(name, ROOT / "scripts" / f"{name}.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
 @pytest.fixture(scope="module")
 def pages():
     """scripts/docs_pages.py, where MkDocs is installed."""
     pytest.importorskip("mkdocs")
     pytest.importorskip("latex2mathml")
-    spec = importlib.util.spec_from_file_location("docs_pages", ROOT / "scripts" / "docs_pages.py")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return script("docs_pages")
 
 
 def test_keys_are_listed_with_limits_defaults_and_examples(pages):
@@ -199,3 +204,11 @@ def test_equations_become_mathml(pages):
 
     shown = pages.on_page_content(r'<div class="arithmatex">\[a &lt; \frac{1}{2}\]</div>', Place(), None, None)
     assert shown.startswith("<math") and "<mfrac>" in shown and 'display="block"' in shown
+
+
+def test_lists_of_arguments_get_a_heading():
+    pytest.importorskip("griffe")
+    text = "Does.\n\na: first\n    goes on\nb, c: others\nRaises: no\n"
+    shown = "Does.\n\n\nArgs:\n    a: first\n        goes on\n    b: others\n    c: others\n\nRaises: no"
+    assert script("docs_arguments").with_heading(text, {"a", "b", "c"}) == shown
+    assert script("docs_arguments").with_heading("a: no argument", set()) == "a: no argument"
