@@ -152,7 +152,8 @@ def pages():
 
 def test_keys_are_listed_with_limits_defaults_and_examples(pages):
     text = pages.keys("")
-    row = "| `gamma` | exponent of the equation of state (7 liquid, 1.4 gas) | number &ge; 1 and &le; 20 | `7` | `gamma: 7` |"
+    limits = "number &ge; 1 and &le; 20"
+    row = f"| `gamma` | exponent of the equation of state (7 liquid, 1.4 gas) | {limits} | `7` | `gamma: 7` |"
     assert row in text
     assert "## `phases.NAME` {#phase}" in text
     assert sorted(key for key in every_key(Case.model_json_schema(by_alias=True)) if f"| `{key}` |" not in text) == []
