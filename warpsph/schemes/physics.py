@@ -36,7 +36,7 @@ SHARED_PRESSURE = 0.01
 STIFFER = {True: 50.0, False: 1000.0}
 # Curvature of a corner that the particles resolve, as share of 1/h: the pressure it makes must not compress much either.
 CORNER = 0.1
-# Forward-Euler limits of the viscous terms in rho h^2/mu (methods A9), with a margin.
+# Forward-Euler limits of the viscous terms in rho h^2/mu (theory: riemann#a9), with a margin.
 VISCOUS_LIMIT = {"morris": 0.125, "radial": 0.06, "paper": 0.06}
 # Density excess that is never a fault by itself: the counterpart of the rarefaction that is one, `params.LEAST_DENSITY`.
 LEAST_EXCESS = 0.9
@@ -396,7 +396,7 @@ def heavy(case: Case) -> bool:
 
 
 def needed_sound_speeds(case: Case, scales: dict[str, float], seen: np.ndarray, filled: bool) -> list[float]:
-    """Return the least sound speed of each phase [m/s] (methods A1).
+    """Return the least sound speed of each phase [m/s] (theory: riemann#a1).
 
     c_k^2 >= max(U^2, p_k/rho_k, 0.01 p_max/rho_k, mu_k U/(rho_k L)) / 0.01, p_k the pressure that phase k sees; p_k / 4
     under gravity for a light phase whose volume its start pressure holds, or a closed domain that is full (`filled`).
@@ -449,7 +449,7 @@ def sound_speeds(
 
 
 def step_limits(case: Case, spec: Spec, h: float, tension: np.ndarray) -> dict[str, float]:
-    """Return the constant limits of the time step [s] by name (methods A9)."""
+    """Return the constant limits of the time step [s] by name (theory: riemann#a9)."""
     phases = [case.phases[name] for name in case.phase_names]
     limits: dict[str, float] = {}
     if spec.viscosity != "none":
