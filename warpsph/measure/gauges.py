@@ -29,11 +29,12 @@ import operator
 import re
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 
 from warpsph.case.expressions import Expression, compile_expression
+from warpsph.case.gauge_models import REGISTERED, GaugeModel
 from warpsph.errors import CaseError, Problem, listed
 from warpsph.files.output import Schedule
 from warpsph.measure.gauge import Column, Gauge, Needs
@@ -64,6 +65,24 @@ GAUGES: dict[str, type[Gauge]] = {
     "points": PointsGauge,
     "line": LineGauge,
 }
+
+
+def register(model: type[GaugeModel], kind: type[Gauge]) -> None:
+    """Add a type of gauge; cases that are loaded afterwards may use it.
+
+    Args:
+        model: its section of a case; `type` has a `Literal` of one name that is new.
+        kind: what measures it, made with (name, section, case).
+
+    Raises:
+        ValueError: there is a gauge of that type already, or the model names no type.
+    """
+    names = get_args(model.model_fields["type"].annotation)
+    if len(names) != 1 or not isinstance(names[0], str):
+        raise ValueError(f"{model.__name__}.type: needs a Literal of one name")
+    if names[0] in GAUGES and REGISTERED.get(names[0]) is not model:
+        raise ValueError(f"there is a gauge of type {names[0]!r} already; choose another name")
+    GAUGES[names[0]], REGISTERED[names[0]] = kind, model
 
 
 def column_names(name: str, spec: Any, case: Any) -> list[str]:

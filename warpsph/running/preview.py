@@ -57,7 +57,7 @@ def describe(case: CaseLike) -> dict[str, Any]:
         },
         "reasons": {**physics.reasons, "start.arrangement": geometry.arrangement_reason},
         "stages": [
-            {"name": name, "reason": reason, "depth": depth} for depth, name, reason in lines(case.scheme.program(spec).step)
+            {"name": name, "reason": reason, "depth": depth} for depth, name, reason in lines(case.scheme.program(spec, physics.choices).step)
         ],
         "absent": [{"name": row.name, "reason": row.reason} for row in case.scheme.absent(spec)],
         "warnings": [*geometry.warnings, *physics.warnings],
