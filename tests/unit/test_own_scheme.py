@@ -154,8 +154,16 @@ class HeatGauge(Gauge):
         return [float(np.average(temperature, weights=fluid.volume)), float(temperature.max())]
 
 
-registry.register(Heat())
-gauges.register(HeatModel, HeatGauge)
+
+@pytest.fixture(autouse=True, scope="module")
+def known():
+    """The scheme and the gauge, for the tests of this file."""
+    registry.register(Heat())
+    gauges.register(HeatModel, HeatGauge)
+    yield
+    registry.unregister("heat")
+    gauges.unregister("heat")
+
 
 CASE = {
     "dimension": 2,

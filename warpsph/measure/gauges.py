@@ -85,6 +85,11 @@ def register(model: type[GaugeModel], kind: type[Gauge]) -> None:
     GAUGES[names[0]], REGISTERED[names[0]] = kind, model
 
 
+def unregister(name: str) -> None:
+    """Forget a type of gauge that was added. Raises KeyError if none of that name was."""
+    del REGISTERED[name], GAUGES[name]
+
+
 def column_names(name: str, spec: Any, case: Any) -> list[str]:
     """Names of the columns that a gauge of a case will have in a run, the time first."""
     kind = GAUGES[spec.type]
