@@ -50,7 +50,7 @@ COLUMNS = (
 ALIGN = "lllrrrrlrrr"
 """Columns of the table, and whether each stands left or right."""
 
-SHIPPED = Path(__file__).resolve().parent.parent / "cases"
+SHIPPED = Path(__file__).resolve().parents[2] / "cases"
 """The case files of a checkout, beside the package."""
 
 
