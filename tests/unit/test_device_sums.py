@@ -5,9 +5,9 @@ import pytest
 
 from tests.scenes import FULL, PERIODIC, case_of
 from warpsph import Simulation
+from warpsph.engine.device_sums import Nearby
 from warpsph.engine.model import Model
 from warpsph.engine.state_copy import copy_state
-from warpsph.measure.device_sums import Nearby
 from warpsph.measure.gauges import GaugeSet
 from warpsph.measure.probes import sample
 from warpsph.measure.recorder import Recorder

@@ -13,6 +13,7 @@ import numpy as np
 import warp as wp
 
 from warpsph.engine import memory
+from warpsph.engine.device_sums import DeviceSums
 from warpsph.engine.launch import Launcher
 from warpsph.engine.neighbours import default_width
 from warpsph.engine.particles import Particles
@@ -24,7 +25,6 @@ from warpsph.kernels.core.mirror import FREE_SLIP, NO_SLIP, NO_WALL, make_sides
 from warpsph.kernels.core.params import make_params, make_phase
 from warpsph.kernels.core.smoothing import KERNELS, window_integral
 from warpsph.kernels.core.spec import types_of
-from warpsph.measure.device_sums import DeviceSums
 from warpsph.measure.sums import Scene, eos_of_run
 from warpsph.scene.geometry import Geometry, build
 from warpsph.scene.packing import Packer

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from warpsph.engine.device_sums import Nearby
 from warpsph.engine.state_copy import SOURCES, StateCopy, copy_state
-from warpsph.measure.device_sums import Nearby
 from warpsph.measure.gauges import GaugeSet
 from warpsph.measure.probes import sample
 
