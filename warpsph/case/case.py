@@ -708,6 +708,7 @@ class ParticleOutput(_Timed):
             examples=["[velocity, pressure]"],
         )
     )
+    compress: bool = Field(default=False, description="compress the files with zlib, without loss", examples=["true"])
 
 
 class CheckpointOutput(CaseModel):
