@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from warpsph.errors import OutputError
-from warpsph.files.output import whole_file, write_failure
+from warpsph.files.whole_files import whole_file, write_failure
 from warpsph.measure.gauge import Column
 
 

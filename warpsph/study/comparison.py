@@ -53,7 +53,8 @@ from typing import Any
 import numpy as np
 
 from warpsph.errors import CaseError, ExpressionError, WarpsphError, listed, short
-from warpsph.files.output import Series, last_particles, read_vtp
+from warpsph.files.output import Series, last_particles
+from warpsph.files.vtp import read_vtp
 from warpsph.measure.contour import crossings_above, join_ends
 from warpsph.measure.gauge_files import read_gauge
 from warpsph.measure.gauges import GaugeSet, column_formula, schedule_of

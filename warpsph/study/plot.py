@@ -12,7 +12,8 @@ import numpy as np
 
 from warpsph.case.case_file import read_yaml
 from warpsph.errors import CaseError, OutputError, Problem, listed
-from warpsph.files.output import Series, read_vtp
+from warpsph.files.output import Series
+from warpsph.files.vtp import read_vtp
 from warpsph.measure.gauge_files import read_gauge
 from warpsph.measure.point_gauges import FIELD_UNITS, VECTOR_FIELDS
 from warpsph.snapshot import Snapshot
