@@ -6,8 +6,9 @@
 The first part alone would not see fluid that is missing: a patch with a free surface that shrank has no particle on the
 wrong side. What particles cover reaches half a spacing beyond the outermost of them, as does the area of a particle; gaps
 between them too narrow for a disc of one spacing radius are covered, since particles lie up to 0.85 spacings from the
-middle of the gaps between them. Disorder of 0.2 spacings at a free surface counts as 0.07 spacings along it. On the side of the other phase missing fluid is not counted: where that phase should be
-the interface does not say (it may end at a free surface of its own).
+middle of the gaps between them. Disorder of 0.2 spacings at a free surface counts as 0.07 spacings along it. On the side
+of the other phase missing fluid is not counted: where that phase should be the interface does not say (it may end at a
+free surface of its own).
 """
 
 from __future__ import annotations
