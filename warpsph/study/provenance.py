@@ -19,12 +19,17 @@ COMMIT_VARIABLE = "WARPSPH_COMMIT"
 
 
 def provenance() -> dict[str, Any]:
-    """The entries `commit`, `dirty` and `date` of a record.
+    """The entries `commit`, `dirty` and `date` of a record, as they were when this module was loaded: the checkout may
+    have moved on when a long run ends.
 
     commit: of the checkout of the running code, as git names it; None outside of a checkout, unless COMMIT_VARIABLE names it
     dirty: whether tracked files of NUMERICS differ from the commit; None if that is not known
     date: today, in UTC
     """
+    return dict(_AT_START)
+
+
+def _state() -> dict[str, Any]:
     date = datetime.now(UTC).date().isoformat()
     if not (CHECKOUT / ".git").exists():
         return {"commit": os.environ.get(COMMIT_VARIABLE), "dirty": None, "date": date}
@@ -40,3 +45,6 @@ def _git(*arguments: str) -> str | None:
     except (OSError, subprocess.CalledProcessError):
         return None
     return done.stdout.strip()
+
+
+_AT_START = _state()

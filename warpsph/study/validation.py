@@ -37,6 +37,7 @@ from warpsph.case.values import suggestion
 from warpsph.errors import CaseError, DivergenceError, Interrupted, OutputError, Problem, WarpsphError
 from warpsph.files.output import json_text, write_failure, write_text
 from warpsph.study import figures
+from warpsph.study.provenance import provenance
 
 if TYPE_CHECKING:
     from warpsph.simulation import Progress, Simulation
@@ -397,7 +398,7 @@ def validate(
     """
     table = Table(_about(runs, device, threads, command))
     if earlier is not None:
-        table.about = {**earlier.about, "command": command}
+        table.about = {**earlier.about, **provenance(), "command": command}
         table.runs = [run for run in earlier.runs if run["status"] == "finished"]
     done = {(run["case"], run["run"]) for run in table.runs}
     if draw and not figures.can_draw():
@@ -495,6 +496,7 @@ def _execute_apart(
 def _about(runs: Sequence[Planned], device: str, threads: int | None, command: str) -> dict[str, Any]:
     levels = dict.fromkeys(run.level for run in runs)
     return {
+        **provenance(),
         "command": command,
         "level": ", ".join(levels),
         "device": device,
