@@ -47,6 +47,8 @@ the times of the gauge: a curve with fewer than eight points a span has lost wha
 from __future__ import annotations
 
 import dataclasses
+import hashlib
+import json
 import math
 from pathlib import Path
 from typing import Any
@@ -69,6 +71,9 @@ from warpsph.study.norms import (
 from warpsph.study.outline import interface_error
 from warpsph.study.references import known_curve, known_profile, read_table
 from warpsph.study.results import Results, distance_along, pick_column, rows_at
+
+MEASURES = {"interface": 2}
+"""Kinds of references whose error has come to count something else, and how many ways of counting there were."""
 
 
 def compare(
@@ -112,6 +117,21 @@ def compare(
             result["passed"] = bool(abs(error) <= spec.allowed)
         results.append(result)
     return results
+
+
+def definition_of(case: Any, quantity: str) -> str:
+    """A short mark of how the error of a reference of a case is measured, the same for the same measurement.
+
+    It changes with the reference but for its limit and source, with its gauge, and with what the kinds of MEASURES count.
+    """
+    reference = case.reference[quantity]
+    data = {"reference": reference.model_dump(exclude={"allowed", "source"}, exclude_defaults=True)}
+    gauge = getattr(reference, "gauge", None)
+    if gauge is not None:
+        data["gauge"] = case.gauges[gauge].model_dump(exclude_defaults=True)
+    data["measure"] = {kind: number for kind, number in MEASURES.items() if hasattr(reference, kind)}
+    text = json.dumps(data, sort_keys=True, default=lambda value: getattr(value, "text", str(value)))
+    return hashlib.sha256(text.encode()).hexdigest()[:12]
 
 
 def format_comparison(results: list[dict[str, Any]]) -> list[str]:

@@ -37,6 +37,7 @@ from warpsph.case.values import suggestion
 from warpsph.errors import CaseError, DivergenceError, Interrupted, OutputError, Problem, WarpsphError
 from warpsph.files.output import json_text, write_failure, write_text
 from warpsph.study import figures
+from warpsph.study.comparison import definition_of
 from warpsph.study.provenance import provenance
 
 if TYPE_CHECKING:
@@ -266,7 +267,7 @@ class Table:
             runs = [{**run, "rows": []} for run in data.pop("runs")]
             places = {(run["case"], run["run"]): run for run in runs}
             for row in data.pop("rows"):
-                kept = {key: row[key] for key in _ROW}
+                kept = {key: row.get(key) for key in _ROW}
                 places[row["case"], row["run"]]["rows"].append(kept)
         except (OSError, ValueError, LookupError, TypeError, AttributeError) as error:
             rule = f"holds no readable table.json ({type(error).__name__})"
@@ -280,7 +281,7 @@ class Table:
         return "".join("| " + " | ".join(_escaped(cell) for cell in line) + " |\n" for line in lines)
 
 
-_ROW = ("quantity", "value", "reference", "error", "allowed", "absolute", "outcome", "unit", "note", "source")
+_ROW = ("quantity", "value", "reference", "error", "allowed", "absolute", "outcome", "unit", "note", "source", "definition")
 
 
 def _escaped(cell: str) -> str:
@@ -548,6 +549,8 @@ def _execute(
         simulation = Simulation(case, output=folder, device=device, threads=threads, preparing=preparing)
         simulation.run(progress=progress)
         rows, status = rows_of(simulation.summary["errors"]), "finished"
+        for row in rows:
+            row["definition"] = definition_of(case, row["quantity"]) if row["quantity"] in case.reference else None
     except Interrupted:
         raise
     except DivergenceError as error:
