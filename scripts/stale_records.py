@@ -119,7 +119,7 @@ def changed_topics(commit: str) -> frozenset[str]:
     return frozenset(found)
 
 
-def listed_commits(path: Path = NO_CHANGE) -> dict[str, str]:
+def listed_commits(path: Path) -> dict[str, str]:
     """Commits that moved no result, with the reason; lines are a hash, a blank and the reason, # begins a comment."""
     if not path.exists():
         return {}
@@ -212,7 +212,7 @@ def main(arguments: list[str] | None = None) -> int:
     chosen = parser.parse_args(arguments)
     found = sorted(path for path in RECORDS.rglob("*") if path.suffix in (".json", ".txt") and path != NO_CHANGE)
     records = [read_record(path.resolve()) for path in chosen.records or found]
-    known = listed_commits()
+    known = listed_commits(NO_CHANGE)
     stale = 0
     for record in records:
         name = record.path.relative_to(ROOT)

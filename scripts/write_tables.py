@@ -193,11 +193,11 @@ def number(value: float | None, form: str = ".5g") -> str:
     return "" if value is None else format(value, form)
 
 
-def share(value: float | None, absolute: bool, form: str = ".2g") -> str:
+def share(value: float | None, absolute: bool) -> str:
     """An error or a limit: per cent, or in the unit of the quantity."""
     if value is None:
         return ""
-    return format(value, form) if absolute else f"{100 * value:.3g} %"
+    return f"{value:.3g}" if absolute else f"{100 * value:.3g} %"
 
 
 def line(cells: Iterable[str]) -> str:

@@ -146,7 +146,8 @@ def test_both_schemes_are_run_where_a_case_takes_both():
     for run in runs:
         schemes.setdefault(run.case_name, set()).add(run.case.numerics.scheme)
     single = {run.case_name for run in runs if len(run.case.phases) == 1}
-    assert {name for name in single if schemes[name] != {"riemann", "isph"}} == {"rotating_square", "rotating_square_inviscid"}
+    # Pressures below zero all over tear the patch with the other scheme.
+    assert {name for name in single if len(schemes[name]) == 1} == {"rotating_square", "rotating_square_inviscid"}
 
 
 # ---- the command -----------------------------------------------------------------------------------------
@@ -235,4 +236,4 @@ def test_options_of_the_level_ci_belong_to_it(folder, monkeypatch, capsys):
     monkeypatch.setattr(sys, "argv", ["warpsph", "validate", "--cases", "vortices.yaml", "--record"])
     with pytest.raises(SystemExit) as stopped:
         cli.main()
-    assert stopped.value.code == 2 and "--record: True -> belongs to --level ci" in capsys.readouterr().err
+    assert stopped.value.code == 2 and "--record: true -> belongs to --level ci" in capsys.readouterr().err
