@@ -216,7 +216,7 @@ def test_a_limit_that_was_tightened_makes_a_miss_and_another_definition_is_marke
     quantity = "centre_of_mass_t3"
     entry = {
         "case": "hysing_1", "run": "40", "quantity": quantity, "value": 1.07, "reference": 1.0817, "error": -0.02,
-        "unit": "m", "allowed": 0.05, "absolute": False, "outcome": "ok", "note": "", "precision": "float32", "steps": 1, "seconds": 1.0,
+        "unit": "m", "allowed": 0.05, "absolute": False, "outcome": "ok", "note": "", "precision": "float32",
         "definition": write_tables.definition_of(case, quantity),
     }  # fmt: skip
     record = {"commit": "a" * 40, "date": "2026-01-01", "device": "cpu", "level": "quick", "rows": [entry]}
