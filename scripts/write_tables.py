@@ -33,11 +33,12 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from warpsph.case.case import Case
+from warpsph.case.case import Case, ReferenceValue
 from warpsph.case.case_file import load_case
 from warpsph.errors import CaseError
 from warpsph.study import baseline
 from warpsph.study.comparison import definition_of
+from warpsph.study.references import known_curve
 from warpsph.study.validation import find_cases, runs_of
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -67,6 +68,7 @@ class Row:
     entry: the row as `validate` wrote it; record: the rest of its file
     allowed: limit of the case file, or that of the row where the case file has no such quantity any more
     old: whether the definition of the error has changed since
+    least: whether the error is one of the definition of today that it exceeds for sure, see `by_the_way_moved`
     """
 
     entry: dict[str, Any]
@@ -75,6 +77,7 @@ class Row:
     level: str
     allowed: float | None
     old: bool
+    least: bool = False
 
     @property
     def run(self) -> str:
@@ -99,6 +102,14 @@ class Row:
         if not self.ended:
             return True
         return self.allowed is not None and (error is None or abs(error) > self.allowed)
+
+    @property
+    def text(self) -> str:
+        """The error, or what there is instead."""
+        error = self.entry["error"]
+        if error is None:
+            return str(self.entry["note"] or self.entry["outcome"])
+        return ("≥ " if self.least else "") + share(error, self.entry["absolute"]) + (OLD if self.old else "")
 
     @property
     def where(self) -> str:
@@ -145,8 +156,31 @@ def rows_of(path: Path) -> list[Row]:
         reference = None if case is None else case.reference.get(entry["quantity"])
         allowed = entry["allowed"] if reference is None else reference.allowed
         old = case is not None and reference is not None and measured_otherwise(entry, case)
-        rows.append(Row(entry, record, path, record["level"], entry["allowed"] if old else allowed, old))
+        moved = by_the_way_moved(entry, reference, case) if old else None
+        if moved is not None:
+            entry |= {"error": moved, "absolute": False}
+            exact = isinstance(reference, ReferenceValue)
+            rows.append(Row(entry, record, path, record["level"], allowed, not exact, not exact))
+        else:
+            rows.append(Row(entry, record, path, record["level"], entry["allowed"] if old else allowed, old))
     return rows
+
+
+def by_the_way_moved(entry: dict[str, Any], reference: Any, case: Any) -> float | None:
+    """The error as a share of the way moved, of a row that was measured without it; None if it is not about a way.
+
+    Of a value it is exact. Of a curve the row holds the values where the error was largest by the old measure, or root mean
+    squares of both: neither differ by more than the new measure does, so that this is the least that it can be.
+    """
+    if getattr(reference, "moved_from", None) is None or entry["value"] is None:
+        return None
+    difference = float(entry["value"] - entry["reference"])
+    if isinstance(reference, ReferenceValue):
+        return difference / abs(reference.value - reference.moved_from)
+    times, values = known_curve(reference, case)
+    first, last = reference.window or (0.0, case.end_time)
+    inside = (times >= first) & (times <= last * (1 + 1e-9))
+    return abs(difference) / float(abs(values[inside] - reference.moved_from).max())
 
 
 def place_of(row: Row) -> tuple[int, str, int, int]:
@@ -230,11 +264,9 @@ def by_resolution(wanted: Callable[[Row], bool]) -> str:
         name = quantity.replace("_", " ") + unit_of(rows[0]) if quantity else "**did not end**"
         runs, errors, limits = [], [], []
         for row in rows:
-            error = row.entry["error"]
-            text = share(error, row.entry["absolute"]) if error is not None else row.entry["outcome"]
             precision = row.entry.get("precision", "float32")
             runs.append(row.run + ("" if precision == "float32" else f" {precision}"))
-            errors.append((f"**{text}**" if row.missed else text) + (OLD if row.old else ""))
+            errors.append(f"**{row.text}**" if row.missed else row.text)
             limits.append("reported" if row.allowed is None else share(row.allowed, row.entry["absolute"]))
         missed = sum(row.missed for row in rows)
         shown = limits[:1] if len(set(limits)) == 1 else limits
@@ -258,11 +290,9 @@ def misses() -> str:
     lines = []
     for row in newest_rows():
         if row.missed:
-            error = row.entry["error"]
-            text = share(error, row.entry["absolute"]) if error is not None else row.entry["note"] or row.entry["outcome"]
             allowed = share(row.allowed, row.entry["absolute"])
             quantity = row.quantity.replace("_", " ") + unit_of(row)
-            lines.append([f"`{row.case}` {row.run}", quantity, text + (OLD if row.old else ""), allowed, row.where])
+            lines.append([f"`{row.case}` {row.run}", quantity, row.text, allowed, row.where])
     return table(["case, run", "quantity", "error", "allowed", "record"], "llrrl", lines)
 
 
@@ -307,7 +337,7 @@ def validation_h200() -> str:
                 row.quantity.replace("_", " ") + (f" [{entry['unit']}]" if entry["unit"] not in ("", "1", None) else ""),
                 number(entry["value"]),
                 number(entry["reference"]),
-                share(entry["error"], entry["absolute"]) + (OLD if row.old else ""),
+                row.text,
                 allowed,
                 "**missed**" if row.missed else "" if row.allowed is None else "ok",
                 str(entry["steps"]) if first else "",

@@ -380,8 +380,10 @@ def validate(
             started=_validation_progress,
             finished=_print_validated,
         )
-        _print_validation(table, folder)
-        raise typer.Exit(table.exit_code if held is None or table.interrupted else _print_held(held, table))
+        if held is None or table.interrupted:
+            _print_validation(table, folder)
+            raise typer.Exit(table.exit_code)
+        raise typer.Exit(_print_held(held, table, folder))
 
 
 @app.command()
@@ -895,8 +897,8 @@ def _print_validation(table: Any, folder: Path) -> None:
     print(", ".join(facts) + (" (interrupted)" if table.interrupted else ""))
 
 
-def _print_held(held: Any, table: Any) -> int:
-    """What the errors of a table are against the recorded ones; the exit code."""
+def _print_held(held: Any, table: Any, folder: Path) -> int:
+    """What the errors of a table are against the recorded ones, but for those that are held; the exit code."""
     from warpsph.study.baseline import told
 
     verdicts = held.verdicts(table)
@@ -906,6 +908,7 @@ def _print_held(held: Any, table: Any) -> int:
         _print_table("Against the record", columns, rows, align="lllrrrrl", width=180)
     for line in held.lines(verdicts):
         print(line)
+    print(f"{len(table.runs)} runs, {_duration(sum(run['seconds'] for run in table.runs))} one after another, {folder}")
     return int(held.exit_code(verdicts))
 
 

@@ -211,22 +211,34 @@ def test_no_missed_row_is_left_out_or_unmarked():
     assert sum("**missed**" in line for line in full) == sum(row.missed for row in write_tables.h200_rows())
 
 
-def test_a_limit_that_was_tightened_makes_a_miss_and_another_definition_is_marked(tmp_path):
-    case = write_tables.cases_of_runs("hysing_1")["40"]
-    quantity = "centre_of_mass_t3"
+def recorded_row(folder, quantity, definition=None, run="40", case="hysing_1", **changes):
+    """The row of a record with one error."""
     entry = {
-        "case": "hysing_1", "run": "40", "quantity": quantity, "value": 1.07, "reference": 1.0817, "error": -0.02,
-        "unit": "m", "allowed": 0.05, "absolute": False, "outcome": "ok", "note": "", "precision": "float32",
-        "definition": write_tables.definition_of(case, quantity),
+        "case": case, "run": run, "quantity": quantity, "value": 1.07, "reference": 1.0817, "error": -0.02, "unit": "m",
+        "allowed": 0.05, "absolute": False, "outcome": "ok", "note": "", "precision": "float32", **changes,
     }  # fmt: skip
+    known = write_tables.definition_of(write_tables.cases_of_runs(case)[run], quantity)
+    entry["definition"] = known if definition is None else definition
     record = {"commit": "a" * 40, "date": "2026-01-01", "device": "cpu", "level": "quick", "rows": [entry]}
-    path = tmp_path / "record.json"
-    path.write_text(json.dumps(record))
-    (row,) = write_tables.rows_of(path)
-    assert (row.allowed, row.missed, row.old) == (0.005, True, False)
-    path.write_text(json.dumps({**record, "rows": [{**entry, "definition": "other"}]}))
-    (row,) = write_tables.rows_of(path)
-    assert (row.allowed, row.missed, row.old) == (0.05, False, True)
+    (folder / "record.json").write_text(json.dumps(record))
+    (row,) = write_tables.rows_of(folder / "record.json")
+    return row
+
+
+def test_a_limit_that_was_tightened_makes_a_miss_and_another_definition_is_marked(tmp_path):
+    row = recorded_row(tmp_path, "smallest_circularity")
+    assert (row.allowed, row.missed, row.text) == (0.01, True, "-2 %")
+    row = recorded_row(tmp_path, "smallest_circularity", "other")
+    assert (row.allowed, row.missed, row.text) == (0.05, False, "-2 %†")
+
+
+def test_errors_of_coordinates_are_told_as_shares_of_the_way_moved(tmp_path):
+    row = recorded_row(tmp_path, "centre_of_mass_t3", "other")  # from 0.5 to 1.0817 m
+    assert row.entry["error"] == pytest.approx(-0.0117 / 0.5817)
+    assert (row.allowed, row.missed, row.text) == (0.005, True, "-2.01 %")
+    row = recorded_row(tmp_path, "centroid", "other", "90 x 150", "rising_bubble", value=0.39, reference=0.4)
+    assert row.entry["error"] == pytest.approx(0.01 / 0.19926, rel=1e-4)
+    assert (row.allowed, row.missed, row.text) == (0.02, True, "≥ 5.02 %†")
 
 
 def test_a_run_that_failed_is_a_miss(tmp_path):
