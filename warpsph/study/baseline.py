@@ -225,8 +225,8 @@ def record(table: Table, runs: Sequence[Planned], path: Path, whole: bool = Fals
     if not whole:
         with suppress(CaseError):
             kept = read_baseline(path)["runs"]
-    keys = ("command", "level", "device", "device_name", "processor", "threads", "versions")
-    head = {**made, **{key: table.about.get(key) for key in keys}}
+    keys = ("level", "device", "device_name", "processor", "threads", "versions")
+    head = {**made, "command": RECORD, **{key: table.about.get(key) for key in keys}}
     head["noise"] = (
         f"{NOISE_FACTOR:g} times the largest change of an error in runs that start with particles displaced by "
         f"{', '.join(f'{times * DISTURBANCE:g}' for times in TIMES)} spacings"
