@@ -293,7 +293,7 @@ def parse_point(settings: Iterable[str], base: Point) -> Point:
 
 def sample(model: Any, energy_of: Any, contour_of: Any) -> dict[str, Any]:
     """Numbers of one moment: largest speed of each phase, energy, momentum, strays, whether all is finite."""
-    from warpsph.measure.gauges import isolated
+    from warpsph.measure.shape_gauges import isolated
 
     everything = model.snapshot()
     snapshot = everything.fluid
@@ -369,7 +369,9 @@ def run(scene_name: str, point: Point, steps: int, device: str, threads: int | N
     from warpsph.case.case import Case
     from warpsph.errors import WarpsphError
     from warpsph.kernels.core import clock as ck
-    from warpsph.measure.gauges import ContourGauge, EnergyGauge, PhaseEos
+    from warpsph.measure.phase_gauges import EnergyGauge
+    from warpsph.measure.shape_gauges import ContourGauge
+    from warpsph.measure.sums import PhaseEos
     from warpsph.running.model import Model
 
     scene = SCENES[scene_name]

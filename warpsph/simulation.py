@@ -41,10 +41,12 @@ from warpsph.errors import (
 )
 from warpsph.files import checkpoint
 from warpsph.files.output import RunFolder, Schedule, Writer
-from warpsph.measure.gauges import GaugeSet, PhaseEos
-from warpsph.measure.probes import sample
+from warpsph.measure.gauges import GaugeSet
+from warpsph.measure.recorder import Recorder
+from warpsph.measure.sums import eos_of_run
 from warpsph.running.divergence import runaway_particle
 from warpsph.running.restarts import SAME_CASE, check_fit, check_unfinished, find_checkpoint, is_inside, reached, scene_of
+from warpsph.running.state_copy import StateCopy, copy_state
 from warpsph.running.summary import leak_warning, machine, solver_warnings, versions
 from warpsph.scene.physics import Physics
 from warpsph.snapshot import Snapshot
@@ -153,6 +155,7 @@ class Simulation:
         try:
             self.model.stepper.prepare(fresh=state is None)
             self._gauges = self._make_gauges(resume)
+            self._recorder = Recorder(self.model, self._gauges)
             if self.folder is not None and resume:
                 self.folder.cut_after(self.started_at)
                 (self.folder.particles / "failed_fluid.vtp").unlink(missing_ok=True)
@@ -194,10 +197,7 @@ class Simulation:
             self.folder.write_case(dump_case(self.case, names=names))
 
     def _make_gauges(self, resume: bool) -> GaugeSet:
-        eos = {
-            name: PhaseEos(phase.density, c, phase.gamma, phase.background_pressure)
-            for (name, phase), c in zip(self.case.phases.items(), self.physics.sound_speed, strict=True)
-        }
+        eos = eos_of_run(self.case, self.physics.sound_speed)
         folder = None if self.folder is None else self.folder.gauges
         started = None if self._restart is None else self.started_at
         return GaugeSet(self.case, folder, eos=eos, restart_time=started if resume else None, start_time=started)
@@ -306,7 +306,7 @@ class Simulation:
         else:
             self._check(self.model.save_state(), writer)
         if case.output.particles is not None and self._last_frame != self.model.time:
-            self._frame(writer, self._take())
+            self._frame(writer)
         meter.report(last=True)
 
     def _step_to(self, target: float, meter: _Meter, writer: Writer | None) -> None:
@@ -372,64 +372,37 @@ class Simulation:
 
     # output -------------------------------------------------------------------------------------------------
 
-    def _take(self) -> Snapshot:
-        begin = time.perf_counter()
-        snapshot = self.model.snapshot()
-        self._copy_seconds += time.perf_counter() - begin
-        return snapshot
-
     def _record(self, writer: Writer | None, frames: Schedule) -> None:
         now = self.model.time
         due = [name for name, moment in self._moments.items() if moment.due(now)]
-        frame = frames.due(now)
-        if not due and not frame:
-            return
-        snapshot = self._take()
         if due:
-            needs = self._gauges.needs(due)
-            if "extra" in needs:
-                begin = time.perf_counter()
-                self._add_extra(snapshot, due)
-                self._copy_seconds += time.perf_counter() - begin
-            self._put(writer, "gauges", snapshot)
+            begin = time.perf_counter()
+            record = self._recorder.take(due)
+            self._copy_seconds += time.perf_counter() - begin
+            self._put(writer, "gauges", record)
             for name in due:
                 self._moments[name].advance(now)
-        if frame:
-            self._frame(writer, snapshot)
+        if frames.due(now):
+            self._frame(writer)
             frames.advance(now)
 
-    def _frame(self, writer: Writer | None, snapshot: Snapshot) -> None:
-        self._last_frame = snapshot.time
+    def _frame(self, writer: Writer | None) -> None:
+        self._last_frame = self.model.time
         if self.folder is not None:
-            self._put(writer, "particles", snapshot)
+            begin = time.perf_counter()
+            state = copy_state(self.model)
+            self._copy_seconds += time.perf_counter() - begin
+            self._put(writer, "particles", state)
+
+    def _write_particles(self, state: StateCopy) -> None:
+        assert self.folder is not None
+        self.folder.write_particles(state.snapshot())
 
     def _put(self, writer: Writer | None, kind: str, payload: Any) -> None:
         if writer is not None:
             writer.put(kind, payload)
         elif kind == "gauges":
-            self._write_gauges(payload)
-
-    def _write_gauges(self, snapshot: Snapshot) -> None:
-        box, support = self._box(), self.physics.support
-        points, fields, degrees = self._gauges.sample_points, self._gauges.sample_fields, self._gauges.sample_degrees
-        for name in self._gauges.due(snapshot.time):
-            if name in points:
-                snapshot.samples[name] = sample(snapshot, points[name], fields[name], support, box, degrees[name])
-        self._gauges.record(snapshot)
-
-    def _box(self) -> list[float]:
-        lattice, periodic = self.model.geometry.lattice, self.physics.spec.periodic
-        return [
-            upper - lower if wraps else 0.0
-            for lower, upper, wraps in zip(lattice.lower, lattice.upper, periodic, strict=True)
-        ]
-
-    def _add_extra(self, snapshot: Snapshot, due: list[str]) -> None:
-        types = {self.case.gauges[name].type for name in due}
-        if "interface_length" in types:
-            snapshot.extra["interface_length"] = self.model.interface_length()
-        if "wall_force" in types:
-            snapshot.extra.update(self.model.wall_forces())
+            self._recorder.write(payload)
 
     def _save(self, writer: Writer | None) -> None:
         begin = time.perf_counter()
@@ -464,8 +437,8 @@ class Simulation:
             yield None
             return
         handlers: dict[str, Callable[[Any], object]] = {
-            "gauges": self._write_gauges,
-            "particles": self.folder.write_particles,
+            "gauges": self._recorder.write,
+            "particles": self._write_particles,
             "checkpoint": self._write_checkpoint,
         }
         with Writer(handlers) as writer:

@@ -57,8 +57,12 @@ class Snapshot:
     """(n, dimension) [m/s^2], or None"""
     extra: dict[str, float] = field(default_factory=dict)
     """scalars that the device measured at this moment, such as `interface_length` or `wall_force_x block`"""
+    own: dict[str, np.ndarray] = field(default_factory=dict)
+    """fields of the scheme's own, (n,)"""
     samples: dict[str, dict[str, np.ndarray]] = field(default_factory=dict)
     """gauge name -> field -> values at the gauge's points, (points,) or (points, dimension)"""
+    sums: dict[type, Any] = field(default_factory=dict)
+    """sums over the phases that the device formed at this moment, by their class in `warpsph.measure.sums`"""
 
     def __len__(self) -> int:
         """The number of particles."""
@@ -75,9 +79,10 @@ class Snapshot:
         return self.select(self.kind == WALL)
 
     def select(self, rows: np.ndarray) -> Snapshot:
-        """The particles at `rows`, a mask (n,) or indices; scalars, `extra` and `samples` stay."""
+        """The particles at `rows`, a mask (n,) or indices; scalars, `extra`, `samples` and `sums` stay."""
         values: dict[str, Any] = {item.name: getattr(self, item.name) for item in fields(self)}
         for name, value in values.items():
             if isinstance(value, np.ndarray):
                 values[name] = value[rows]
+        values["own"] = {name: value[rows] for name, value in self.own.items()}
         return Snapshot(**values)

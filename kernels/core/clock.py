@@ -1,4 +1,4 @@
-"""Time, step length, the decision to rebuild the neighbour list, and faults: all on the device (methods A9).
+"""Time, step length, the decision to rebuild the neighbour list, and faults: all on the device (theory: riemann#a9).
 
 One float64 array `clock` and one int32 array `counters` hold them, indexed by the constants below.
 """

@@ -1,4 +1,4 @@
-"""Equation of state in terms of the density excess s = rho/rho0 - 1 (methods A1, seed 000 eq 5)."""
+"""Equation of state in terms of the density excess s = rho/rho0 - 1 (theory: riemann#a1, seed 000 eq 5)."""
 
 import functools
 from typing import Any

@@ -1,4 +1,4 @@
-"""Straight walls by mirror images: a list entry may name the image of a particle across sides of the domain (methods B5).
+"""Straight walls by mirror images: a list entry may name the image of a particle across sides (theory: isph#b5).
 
 No image is ever stored: an entry is the index of the particle plus a code of two bits an axis, 1 for the lower and 2 for
 the upper side, so that an edge or a corner is the reflection at two or three sides at once. A reflection keeps lengths,

@@ -1,4 +1,4 @@
-"""Smoothing kernels as functions of q = r/h, without their normalisation (methods: table of kernels).
+"""Smoothing kernels as functions of q = r/h, without their normalisation (theory: common#kernels).
 
 `shape(q)` is w(q) with W = alpha/h^d w(q); `slope(q)` is w'(q)/q, so that grad_i W_ij = alpha/h^(d+2) slope(q) x_ij.
 Both are zero outside the support without a branch, which lets the neighbour sums run over list entries

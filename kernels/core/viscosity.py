@@ -1,4 +1,4 @@
-"""Viscous pair terms (methods A4). Each returns the factor-free vector that is summed with F V_j, F = W'/r <= 0.
+"""Viscous pair terms (theory: riemann#a4). Each returns the factor-free vector that is summed with F V_j, F = W'/r <= 0.
 
 The acceleration is (1/rho_i) sum_j mu_ij term(v_ij, x_ij) F_ij V_j, mu_ij the harmonic mean 2 mu_i mu_j/(mu_i+mu_j).
 """

@@ -1,4 +1,4 @@
-"""Wall particles: pressure and mirrored velocity extrapolated from the fluid (methods A5, Adami 2012).
+"""Wall particles: pressure and mirrored velocity extrapolated from the fluid (theory: riemann#a5, Adami 2012).
 
     p_w = sum_f (p_f + rho_f g.(x_w - x_f)) W / sum_f W
     v_mirror = v_w + (v_w - <v>) depth / (<distance> - depth),  <.> = sum_f . W / sum_f W

@@ -1,4 +1,4 @@
-"""Implicit viscosity of projection ISPH: the explicit viscous term, stabilised (methods B1; Ascher, Ruuth & Wetton 1995).
+"""Implicit viscosity of projection ISPH: the explicit viscous term, stabilised (theory: isph#b1; Ascher et al. 1995).
 
 With u_e = (1 + omega) u^n - omega u^{n-1} the extrapolated velocity and u*_x that of `projection.predict`, whose viscous
 term is taken at u_e, each component c is replaced by

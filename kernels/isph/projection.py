@@ -1,4 +1,4 @@
-"""Incompressible SPH by projection: the sweeps of a step (methods B; seed 002; Cummins & Rudman 1999).
+"""Incompressible SPH by projection: the sweeps of a step (theory: isph#b1 to isph#b6; seed 002; Cummins & Rudman 1999).
 
 With omega = dt_n/dt_{n-1}, c_0 = (1 + omega)^2/(1 + 2 omega), c_1 = omega^2/(1 + 2 omega), beta = (1 + omega)/(1 + 2 omega):
 
@@ -267,7 +267,7 @@ def make_predict(spec: Spec) -> Any:
         if wp.static(viscous):
             if known:
                 # exact for a quadratic field on an even arrangement: take out what an uneven one makes of a linear field,
-                # and divide by the second moment (methods 0.2, column L)
+                # and divide by the second moment (theory: common#lattice, column L)
                 shear = (flow * inverse) * g_norm
                 linear = shear * even
                 if wp.static(spec.viscosity == "radial"):

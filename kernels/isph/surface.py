@@ -1,4 +1,4 @@
-"""Free surface of an incompressible fluid: which particles are at it (methods B4; Lee 2008, Marrone 2010).
+"""Free surface of an incompressible fluid: which particles are at it (theory: isph#b4; Lee 2008, Marrone 2010).
 
     spread_i = sum_j V_j (x_j - x_i).grad_i W        d inside, about d/2 at a flat surface
 (without the own images behind a wall). A particle with a spread below the threshold is a candidate; it is at the surface

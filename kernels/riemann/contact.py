@@ -1,4 +1,4 @@
-"""Contact angles: the normals of interfaces where they meet a wall (methods A8; Brackbill 1992, Breinlinger 2013).
+"""Contact angles: the normals of interfaces where they meet a wall (theory: riemann#a8; Brackbill 1992, Breinlinger 2013).
 
 At a wall with the unit normal n_w into the fluid, an interface with the contact angle theta has the normal
     nhat_w = t sin(theta) + n_w cos(theta),  t = (nhat - (nhat.n_w) n_w) / |.|

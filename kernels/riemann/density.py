@@ -1,4 +1,4 @@
-"""Continuity sweep: density from the star velocities, then pressure and volume (methods A2, A3; seed 000 eq 13).
+"""Continuity sweep: density from star velocities, then pressure and volume (theory: riemann#a2, riemann#a3; seed 000 eq 13).
 
     ds_i/dt = 2 (1+s_i) sum_j (v_i - v*_ij).grad_i W V_j,   s = rho/rho0 - 1
 """

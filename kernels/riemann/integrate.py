@@ -1,4 +1,4 @@
-"""Kick-drift of the leapfrog (methods A10): the closing half kick of one step and the opening one of the next.
+"""Kick-drift of the leapfrog (theory: riemann#a10): the closing half kick of one step and the opening one of the next.
 
     v_{n+1/2} = v_{n-1/2} + (dt_n + dt_{n-1})/2 a_n ;   x_{n+1} = x_n + dt_n v_{n+1/2} + shift
 

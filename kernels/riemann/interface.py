@@ -1,4 +1,4 @@
-"""Geometry of the interfaces, on the particles of the interface band alone (methods A6).
+"""Geometry of the interfaces, on the particles of the interface band alone (theory: riemann#a6).
 
 Everything is seen from a particle's own phase, so that any number of phases needs one number a particle:
     fraction_i  = sum_{j in own phase} W V_j / sum_j W V_j          (Shepard; the own phase is 1 in the bulk)

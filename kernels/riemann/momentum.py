@@ -1,4 +1,4 @@
-"""Momentum sweep: pressure from the star states, viscosity, tension, gravity, and the shift (methods A3-A7).
+"""Momentum sweep: pressure from the star states, viscosity, tension, gravity, shift (theory: riemann#a3 to riemann#a7).
 
     conservative ("plus"):  a_i = -(2/rho_i) sum_j p*_ij grad_i W V_j
     corrected ("minus"):    a_i = -(2/rho_i) B_i sum_j (p*_ij - p_i) grad_i W V_j,  B_i = [sum_j |W'| r e(x)e V_j]^-1
@@ -59,7 +59,7 @@ def make_momentum(spec: Spec) -> Any:
     dimension = float(spec.dimension)
     sided = spec.multiphase and not spec.paper_star
     # Share of the acoustic impact pressure Z_i Z_j/(Z_i + Z_j) (u_i - u_j): all of it is stable up to dt = 1.05 h/c alone
-    # (methods A9), and the light particle of a pair takes it twice over.
+    # (theory: riemann#a9), and the light particle of a pair takes it twice over.
     impact_share = 0.25
     # How much more than its volume a particle of another phase counts for the shift. At rest nothing else holds two phases
     # apart: pressure and jump are in balance for any arrangement, and noise would mix them (measured on a drop of density
@@ -324,7 +324,7 @@ def make_momentum(spec: Spec) -> Any:
                         inner_shear = inner_shear * inverse
                     if wp.static(spec.viscosity == "morris" or spec.viscosity == "radial"):
                         # Both forms are exact for a quadratic field on an even arrangement: take out what an uneven one
-                        # makes of a linear field, and divide by the second moment (methods 0.2, column L).
+                        # makes of a linear field, and divide by the second moment (theory: common#lattice, column L).
                         if not near:
                             linear = shear * even
                             if wp.static(spec.viscosity == "radial"):

@@ -1,4 +1,4 @@
-"""Star states of a particle pair: the linearised Riemann problem between two media (methods A3).
+"""Star states of a particle pair: the linearised Riemann problem between two media (theory: riemann#a3).
 
 Left is i, right is j, e points from i to j, u = v.e, Z = rho c. The weights of velocity and pressure belong
 together: only p* = b p_i + a p_j with u* = a u_i + b u_j does no net work on the pair.

@@ -1,4 +1,4 @@
-"""Contact angles: the normals of interfaces next to walls (methods A8), the key `contact_angle`, drops on a wall."""
+"""Contact angles: the normals of interfaces next to walls (theory: riemann#a8), the key `contact_angle`, drops on a wall."""
 
 import dataclasses
 import math

@@ -1,4 +1,4 @@
-"""Equation of state: level, sound speed, and accuracy in single precision (methods A1)."""
+"""Equation of state: level, sound speed, and accuracy in single precision (theory: riemann#a1)."""
 
 import numpy as np
 import pytest

@@ -26,7 +26,7 @@ from warpsph.engine import neighbours
 from warpsph.errors import CapacityError, CaseError, DivergenceError, Interrupted, OutputError, WallTimeReached
 from warpsph.files import checkpoint, output
 from warpsph.files.output import Series, read_vtp
-from warpsph.measure.gauges import read_gauge
+from warpsph.measure.gauge_files import read_gauge
 
 ROOT = Path(__file__).resolve().parents[2]
 

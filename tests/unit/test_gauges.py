@@ -11,7 +11,12 @@ from tests.scenes import FULL, case_of
 from warpsph import Simulation
 from warpsph.case.case import Case
 from warpsph.errors import CaseError, OutputError, WarpsphError
-from warpsph.measure.gauges import GaugeSet, PhaseEos, isolated, outline, parse_heading, read_gauge, wall_bodies
+from warpsph.measure.gauge import Needs
+from warpsph.measure.gauge_files import parse_heading, read_gauge
+from warpsph.measure.gauges import GaugeSet
+from warpsph.measure.phase_gauges import wall_bodies
+from warpsph.measure.shape_gauges import isolated, outline
+from warpsph.measure.sums import Energies, PhaseEos, Pressures
 from warpsph.snapshot import FLUID, WALL, Snapshot
 
 
@@ -666,7 +671,7 @@ def run(gauges: GaugeSet, start: float, end: float) -> None:
 def test_due_times_and_memory():
     gauges = GaugeSet(make_case(TWO))
     assert gauges.due(0.0) == ["energy"]
-    assert gauges.needs(["energy", "jump"]) == {"particles"}
+    assert gauges.needs(["energy", "jump"]) == Needs.of(Energies, Pressures)
     run(gauges, 0.0, 0.5)
     np.testing.assert_allclose(gauges.series("energy")["time"], np.arange(6) * 0.1)
     np.testing.assert_allclose(gauges.series("energy")["kinetic"], 2 * (np.arange(6) * 0.1) ** 2)

@@ -176,7 +176,7 @@ def closed(**changes):
 @pytest.mark.parametrize("dimension", [2, 3])
 @pytest.mark.parametrize("side", ["wall", "free_slip"])
 def test_a_particle_fired_at_a_wall_stays_in_front_of_it(dimension, side):
-    """Mach 0.1 (methods A5): a splash of one particle is stopped 0.3 spacings before the floor, along its normal alone."""
+    """Mach 0.1 (theory: riemann#a5): a splash of one particle stops 0.3 spacings before the floor, along its normal only."""
     last = dimension - 1
     names = "xyz"[:dimension]
     place = 0.525

@@ -1,4 +1,4 @@
-"""Interface geometry on disordered clouds: normals, curvature, force of the body-force form (methods A6)."""
+"""Interface geometry on disordered clouds: normals, curvature, force of the body-force form (theory: riemann#a6)."""
 
 import dataclasses
 

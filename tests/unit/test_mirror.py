@@ -1,4 +1,4 @@
-"""Mirror images in the neighbour list: against explicit reflection of every particle (methods B5)."""
+"""Mirror images in the neighbour list: against explicit reflection of every particle (theory: isph#b5)."""
 
 import numpy as np
 import pytest

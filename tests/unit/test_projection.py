@@ -1,4 +1,4 @@
-"""Stages of projection ISPH on small clouds: exact for what they must be exact for (methods B1 to B3, B6, B8)."""
+"""Stages of projection ISPH on small clouds: exact for what they must be exact for (theory: isph#b1 to isph#b8)."""
 
 import dataclasses
 import itertools
@@ -191,7 +191,7 @@ def friction(bench):
 
 @DIMENSIONS
 def test_viscous_term_is_exact_for_a_parabola_on_a_lattice(dimension, device):
-    """nu lap of the velocity extrapolated to the new time, whatever the second moment of the kernel (methods 0.2)."""
+    """nu lap of the velocity extrapolated to the new time, whatever the second moment (theory: common#lattice)."""
     x = lattice((9,) * dimension, SPACING)
     random = np.random.default_rng(3)
     second = random.normal(size=(2, dimension, dimension, dimension))  # component, two axes

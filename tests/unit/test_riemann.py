@@ -1,4 +1,4 @@
-"""Star states and the Laplace jump of a pair (methods A3)."""
+"""Star states and the Laplace jump of a pair (theory: riemann#a3)."""
 
 import numpy as np
 import pytest

@@ -14,7 +14,8 @@ from warpsph.case.case_file import save_case
 from warpsph.errors import CaseError, WarpsphError
 from warpsph.files import output
 from warpsph.kernels.core import clock as ck
-from warpsph.measure.gauges import read_gauge
+from warpsph.measure import recorder
+from warpsph.measure.gauge_files import read_gauge
 from warpsph.running import preview
 from warpsph.study.comparison import compared
 
@@ -259,8 +260,8 @@ def test_case_of_the_folder_runs_again(tmp_path):
 def test_only_due_samples_are_taken(monkeypatch):
     """Interpolation at points is the dearest gauge: it must not be done for the rows of others."""
     calls = []
-    original = simulation.sample
-    monkeypatch.setattr(simulation, "sample", lambda *a: calls.append(1) or original(*a))
+    original = recorder.sample
+    monkeypatch.setattr(recorder, "sample", lambda *a: calls.append(1) or original(*a))
     result = Simulation(case_of(PERIODIC), threads=1).run()
     assert len(calls) == len(result.gauge("probe")["time"]) == 3
 

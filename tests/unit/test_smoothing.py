@@ -1,4 +1,4 @@
-"""Smoothing kernels: norms, derivatives, support and the sums they give on a lattice (methods K1-K3, K5)."""
+"""Smoothing kernels: norms, derivatives, support and the sums they give on a lattice (theory: common#kernels)."""
 
 import functools
 import itertools

@@ -1,4 +1,4 @@
-"""Which particles are at the free surface, and the pressure there (methods B4)."""
+"""Which particles are at the free surface, and the pressure there (theory: isph#b4)."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ from warpsph.kernels.isph.surface import WITHIN
 SPACING = 0.1
 BOTH = pytest.mark.parametrize("precision", ["float64", "float32"])
 DIMENSIONS = pytest.mark.parametrize("dimension", [2, 3])
-# Divergence of the positions on half-space lattices: inside, first and second row, corner (methods B4).
+# Divergence of the positions on half-space lattices: inside, first and second row, corner (theory: isph#b4).
 TABLE = [
     # dimension, kernel, h/dx, inside, row 0, row 1, corner
     (2, "cubic", 1.5, 2.013, 1.231, 1.799, 0.728),

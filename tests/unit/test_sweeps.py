@@ -127,7 +127,7 @@ def test_conservative_form_conserves_momentum(form, part, device):
 
 @pytest.mark.parametrize("form", FORMS)
 def test_pressure_work_becomes_compression(form, device):
-    """sum m v.a + sum V p (drho/dt)/rho = 0 without dissipation, also at 1000:1 (methods A2, T6)."""
+    """sum m v.a + sum V p (drho/dt)/rho = 0 without dissipation, also at 1000:1 (theory: riemann#a2)."""
     fluids = tuple(dataclasses.replace(fluid, viscosity=0.0) for fluid in LIGHT_AND_HEAVY)
     bench, _ = scene(FORMS[form], device=device, fluids=fluids, dissipation=0.0)
     constant_states(bench)
@@ -223,7 +223,7 @@ def test_single_precision(device):
 
 
 def test_gradient_and_divergence_on_a_lattice(device):
-    """Conservative forms: exact but for the second moment of the lattice (methods 0.2, L)."""
+    """Conservative forms: exact but for the second moment of the lattice (theory: common#lattice, L)."""
     x = lattice((9, 9), SPACING)
     gradient, flow = np.array([3.0, -2.0]), np.array([[1.0, 2.0], [-4.0, 0.5]])
     fluid = Fluid(density=5.0)
@@ -320,7 +320,7 @@ def test_gravity_and_body_force_act_alike(device):
 
 
 def test_interface_force_keeps_phases_apart(device):
-    """Repulsive and equal and opposite between two phases, nothing inside one (methods A7)."""
+    """Repulsive and equal and opposite between two phases, nothing inside one (theory: riemann#a7)."""
     x = np.array([[0.0, 0.0], [0.08, 0.06]])
     for phase, sign in (([0, 1], 1), ([0, 0], 0)):
         forces = []

@@ -1,4 +1,4 @@
-"""Viscous pair terms alone, and the viscosity they amount to on a lattice (methods A4)."""
+"""Viscous pair terms alone, and the viscosity they amount to on a lattice (theory: riemann#a4)."""
 
 import functools
 import itertools

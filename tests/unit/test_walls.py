@@ -1,4 +1,4 @@
-"""Wall particles: extrapolated pressure, mirrored velocity, and what fluid near a wall feels (methods A5)."""
+"""Wall particles: extrapolated pressure, mirrored velocity, and what fluid near a wall feels (theory: riemann#a5)."""
 
 import dataclasses
 

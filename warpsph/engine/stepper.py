@@ -199,11 +199,10 @@ class Stepper:
         if self.read()[1][ck.REBUILD] and self.rebuild():
             self.restart_clock.run()
 
-    def grow(self) -> None:
-        """Make room for the particles that births asked for."""
-        _, counters = self.read()
-        self.levels[int(counters[ck.GROWING])].grow(int(counters[ck.WANTED]))
-        self.write(counters={ck.FAULT: 0, ck.ROOM: 1})
+    def grow(self, wanted: int, level: int = 0) -> None:
+        """Make room for `wanted` fluid particles on a level; its list has to be built anew."""
+        self.levels[level].grow(wanted)
+        self.write(counters={ck.FAULT: 0, ck.ROOM: 1, ck.CHECK: 0})
         self._bind()
         self._resize()
 
@@ -211,7 +210,9 @@ class Stepper:
         """Run births from the host until there is room for all."""
         self.births[name].run()
         while self.read()[1][ck.FAULT] == ck.FAULT_CAPACITY:
-            self.grow()
+            _, counters = self.read()
+            self.grow(int(counters[ck.WANTED]), int(counters[ck.GROWING]))
+            self.restart_clock.run()  # the fault had ended the loop
             self.births[name].run()
 
     # start ---------------------------------------------------------------------------------------------------------------

@@ -66,8 +66,8 @@ def shares_of_phases(
     volume: np.ndarray,
     phase: np.ndarray,
     count: int,
-    lower: Sequence[float],
-    upper: Sequence[float],
+    lower: Sequence[float] | np.ndarray,
+    upper: Sequence[float] | np.ndarray,
     periodic: Sequence[bool],
     spacing: float,
 ) -> list[Share]:

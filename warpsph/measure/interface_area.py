@@ -36,8 +36,8 @@ def interface_areas(
     volume: np.ndarray,
     phase: np.ndarray,
     count: int,
-    lower: Sequence[float],
-    upper: Sequence[float],
+    lower: Sequence[float] | np.ndarray,
+    upper: Sequence[float] | np.ndarray,
     periodic: Sequence[bool],
     spacing: float,
 ) -> dict[tuple[int, int], float]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import gc
 import math
 import os
@@ -23,7 +24,10 @@ from warpsph.kernels.core.mirror import FREE_SLIP, NO_SLIP, NO_WALL, make_sides
 from warpsph.kernels.core.params import make_params, make_phase
 from warpsph.kernels.core.smoothing import KERNELS, window_integral
 from warpsph.kernels.core.spec import types_of
+from warpsph.measure.device_sums import DeviceSums
+from warpsph.measure.sums import Scene, eos_of_run
 from warpsph.running import memory
+from warpsph.running.state_copy import copy_state
 from warpsph.scene.geometry import Geometry, build
 from warpsph.scene.packing import Packer
 from warpsph.scene.physics import Physics, contact_matrix, derive, support_radius
@@ -33,7 +37,7 @@ from warpsph.start import start_warp
 if TYPE_CHECKING:
     from warpsph.case.case import Case
 
-KEPT_COUNTERS = (ck.STEPS, ck.REBUILDS, ck.STEPS_SINCE_RARE, ck.CHECKS, ck.STRAIGHT, ck.USELESS)
+KEPT_COUNTERS = (ck.STEPS, ck.REBUILDS, ck.STEPS_SINCE_RARE, ck.CHECKS, ck.STRAIGHT, ck.USELESS, ck.LIVE, ck.NEXT_ID)
 
 
 def quiet_warp(device: str = "cpu") -> None:
@@ -97,7 +101,8 @@ class Model:
             del self.geometry  # of millions of particles there is no room for two
             self.geometry = build(case, self.physics.support, unlock, arrange)
         counts = self.geometry.fluid_count, self.geometry.wall_count
-        self.particles = Population(self.physics.spec, self.scheme.fields(), *counts, self.device)
+        room = self.scheme.room(case, self.geometry)
+        self.particles = Population(self.physics.spec, self.scheme.fields(), *counts, self.device, room)
         self._fill()
         self.stepper = self._make_stepper()
         self._leak_tasks = self.stepper.list.leak_tasks("position")
@@ -138,7 +143,7 @@ class Model:
         case, physics, spec = self.case, self.physics, self.physics.spec
         real = types_of(spec).real
         params = self._params()
-        own = self.scheme.values(params, case, physics)
+        own = self.scheme.values(params, case, self.geometry, physics, self.device)
         phases = self._phases()
         return {
             "params": params,
@@ -294,7 +299,10 @@ class Model:
     def _mean_velocity(self) -> np.ndarray:
         """Return the velocity of the centre of mass of the fluid, (d,) [m/s]."""
         nf = self.geometry.fluid_count
-        _, mass = self.scheme.material(self.particles, self.case, self.geometry.phase[:nf])
+        if "rest_volume" not in self.particles.arrays:
+            return np.zeros(self.physics.spec.dimension)
+        densities = np.array([phase.density for phase in self.case.phases.values()])
+        mass = densities[self.geometry.phase[:nf]] * self.particles.get("rest_volume").astype(np.float64)
         momentum = mass @ self.particles.get("velocity")[:nf].astype(np.float64)
         return np.asarray(momentum / mass.sum())
 
@@ -312,83 +320,40 @@ class Model:
 
     def snapshot(self) -> Snapshot:
         """Return a host copy of the state, rows in the order of the particle ids, velocity at the time of the positions."""
-        clock, counters = (np.array(a) for a in self.stepper.read())
-        get, nf, n = self.particles.get, self.particles.fluid_count, self.particles.count
-        case, spec = self.case, self.physics.spec
-        position = get("anchor").astype(np.float64)
-        position[:nf] += get("offset")
-        velocity = get("velocity").astype(np.float64)
-        acceleration = np.zeros_like(velocity)
-        acceleration[:nf] = get("acceleration")
-        if self.scheme.staggered:
-            velocity[:nf] += 0.5 * clock[ck.LAST_STEP] * acceleration[:nf]
-        phase = np.full(n, -1, dtype=np.int32)
-        phase[:nf] = get("phase") if spec.multiphase else 0
-        rho0 = np.array([case.phases[name].density for name in case.phase_names])
-        state = get("state").astype(np.float64)
-        density = np.full(n, float(rho0[0]))
-        fluid_density, fluid_mass = self.scheme.material(self.particles, case, phase[:nf])
-        density[:nf] = fluid_density
-        volume = np.full(n, self.geometry.lattice.cell_volume)
-        mass = density * volume
-        mass[:nf] = fluid_mass
-        volume[:nf] = mass[:nf] / density[:nf]
-        kind = np.zeros(n, dtype=np.uint8)
-        kind[nf:] = 1
-        ids = get("particle_id")
-        order = np.argsort(ids, kind="stable")
-        normal = curvature = None
-        if spec.tension != "none":
-            normal = np.zeros_like(velocity)
-            normal[:nf] = get("normal")
-            curvature = np.zeros(n)
-            curvature[:nf] = get("curvature")
-        return Snapshot(
-            time=float(clock[ck.TIME]),
-            step=int(counters[ck.STEPS]),
-            dt=float(clock[ck.LAST_STEP]),
-            dimension=spec.dimension,
-            position=position[order],
-            velocity=velocity[order],
-            density=density[order],
-            pressure=state[order, 0],
-            mass=mass[order],
-            volume=volume[order],
-            phase=phase[order],
-            particle_id=ids[order].astype(np.int64),
-            kind=kind[order],
-            particle_spacing=case.spacing,
-            normal=None if normal is None else normal[order],
-            curvature=None if curvature is None else curvature[order],
-            acceleration=acceleration[order],
-        )
+        return copy_state(self).snapshot()
+
+    @functools.cached_property
+    def sums(self) -> DeviceSums:
+        """Sums of the state over phases, walls and interfaces."""
+        scene = Scene(self.case, eos_of_run(self.case, self.physics.sound_speed))
+        return DeviceSums(self.particles, self.launcher, self.stepper.clock, scene, self.case.spacing, self.scheme.staggered)
 
     def interface_length(self) -> float:
         """Return the length (3-D: area) of all interfaces: the volume integral of |grad C| [m^(d-1)]."""
         self.stepper.measure("interface")
-        nf = self.particles.fluid_count
-        normal = self.particles.get("normal").astype(np.float64)
-        volume = self.particles.get("state")[:nf, 1].astype(np.float64)
-        return float((np.linalg.norm(normal, axis=1) * volume).sum())
+        return self.sums.interface_length()
+
+    def wall_load(self) -> Any:
+        """Return the force of the fluid on each wall particle, a Warp array of (walls,) vectors [N]."""
+        bindings = self.stepper.bindings
+        if "load" not in bindings:
+            vec = types_of(self.physics.spec).vec
+            bindings["load"] = wp.zeros(self.particles.wall_count, dtype=vec, device=self.device)
+        self.stepper.measure("wall_load")
+        return bindings["load"]
 
     def wall_forces(self) -> dict[str, float]:
         """Return the force of the fluid on the walls: `wall_force_x <body>` -> N (2-D: per metre of depth).
 
         The sides of the domain count as one body, `domain`; every obstacle is one of its own.
         """
-        bindings = self.stepper.bindings
-        if "load" not in bindings:
-            vec = types_of(self.physics.spec).vec
-            bindings["load"] = wp.zeros(self.particles.wall_count, dtype=vec, device=self.device)
-        self.stepper.measure("wall_load")
-        load = bindings["load"].numpy().astype(np.float64)
-        body = self.particles.get("wall_body")
+        bodies = self.geometry.body_names
+        load = self.sums.body_forces(self.wall_load(), len(bodies))
         sides = {f"{axis}_{end}" for axis in "xyz" for end in ("lower", "upper")}
-        names = [("domain" if name in sides else name) for name in self.geometry.body_names]
+        names = np.array([("domain" if name in sides else name) for name in bodies])
         forces: dict[str, float] = {}
-        for name in dict.fromkeys(["domain", *names]):
-            rows = np.isin(body, [k + 1 for k, other in enumerate(names) if other == name])
-            total = load[rows].sum(axis=0)
+        for name in dict.fromkeys(["domain", *names.tolist()]):
+            total = load[names == name].sum(axis=0)
             for axis, value in zip("xyz", total, strict=False):
                 forces[f"wall_force_{axis} {name}"] = float(value)
         return forces
@@ -404,12 +369,21 @@ class Model:
             "leak_counts": self.stepper.bindings["leak_counts"].numpy(),
         }
 
+    def _make_room(self, state: dict[str, np.ndarray]) -> None:
+        """Make room for the particles of a saved state, of which there may be more than at the start, or fewer."""
+        live = int(state["counters"][ck.LIVE])
+        self.stepper.write(counters={ck.LIVE: live})
+        if live > self.particles.fluid_capacity:
+            self.stepper.grow(live)
+
     def load_state(self, state: dict[str, np.ndarray]) -> None:
         """Continue from a saved state of the same case, bit by bit.
 
         Raises:
             ValueError: the state does not fit the particles of this case.
         """
+        if self.particles.changing:
+            self._make_room(state)
         for name, field in self.particles.fields.items():
             if field.kept:
                 if name not in state:

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 # Curvature of a corner that the particles resolve, as share of 1/h: the pressure it makes must not compress much either.
 CORNER = 0.1
-# Forward-Euler limits of the viscous terms in rho h^2/mu (methods A9), with a margin.
+# Forward-Euler limits of the viscous terms in rho h^2/mu (theory: riemann#a9), with a margin.
 VISCOUS_LIMIT = {"morris": 0.125, "radial": 0.06, "paper": 0.06}
 # Density excess that is never a fault by itself: the counterpart of the rarefaction that is one, `params.LEAST_DENSITY`.
 LEAST_EXCESS = 0.9
@@ -67,11 +67,11 @@ class Physics:
     support: float
     sound_speed: tuple[float, ...]
     scales: dict[str, float]
-    tension: np.ndarray
     step_cap: dict[str, float]
-    runaway: float
-    warnings: tuple[str, ...]
     densities: tuple[float, ...]
+    tension: np.ndarray
+    runaway: float = math.inf
+    warnings: tuple[str, ...] = ()
     acoustic: float = 0.0
     viscous_step: float = 0.0
     slow_step: float = math.inf

@@ -1,8 +1,8 @@
-"""Density and mass of fluid particles, at the start from the case and later from the fields."""
+"""Start values of fluid particles that follow from the case."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -21,10 +21,3 @@ def density_excess(case: Case, geometry: Geometry, physics: Physics) -> np.ndarr
     gamma = np.array([p.gamma for p in phases])
     excess = np.expm1(np.log1p(np.maximum(geometry.pressure[:nf] / stiffness[phase], -0.9)) / gamma[phase])
     return np.asarray(excess)
-
-
-def material(population: Any, case: Case, phase: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return (density [kg/m^3], mass [kg]; 2-D: kg/m) of each fluid particle, from the fields and the phase of each."""
-    rest = np.array([case.phases[name].density for name in case.phase_names])[phase]
-    density = rest * (1.0 + population.get("density_excess").astype(np.float64))
-    return density, rest * population.get("rest_volume")

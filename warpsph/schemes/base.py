@@ -35,6 +35,7 @@ class Scheme:
         skin: of the neighbour list, as share of the support radius, where the case says `auto`.
         shifts: particles are shifted whatever the pressure gradient is, for the estimate of memory.
         staggered: velocities are half a step behind positions, as of a leapfrog.
+        shown: names of fields that a snapshot carries in `own`, beside those of every scheme.
         work: names of arrays beside the fields that kernels ask for and that may be absent.
     """
 
@@ -46,6 +47,7 @@ class Scheme:
     skin: float = 0.12
     shifts: bool = False
     staggered: bool = False
+    shown: tuple[str, ...] = ()
     work: frozenset[str] = frozenset()
 
     # a case ------------------------------------------------------------------------------------------------------------
@@ -82,11 +84,15 @@ class Scheme:
 
     # the start -----------------------------------------------------------------------------------------------------------
 
+    def room(self, case: Any, geometry: Geometry) -> int:
+        """Return for how many fluid particles there is room at first, where their number changes (`Spec.changing`)."""
+        return geometry.fluid_count
+
     def fill(self, population: Population, case: Any, geometry: Geometry, physics: Physics) -> None:
         """Put the start values into fields beside anchor, position, velocity, phase, id and those of the walls."""
 
-    def values(self, params: Any, case: Any, physics: Physics) -> dict[str, Any]:
-        """Set its members of `params`, and return further kernel arguments by name."""
+    def values(self, params: Any, case: Any, geometry: Geometry, physics: Physics, device: Any) -> dict[str, Any]:
+        """Set its members of `params`, and return further kernel arguments by name, arrays on the device."""
         return {}
 
     def set_clock(self, clock: np.ndarray, counters: np.ndarray, physics: Physics) -> None:
@@ -97,10 +103,6 @@ class Scheme:
         return None
 
     # what is read off a run -----------------------------------------------------------------------------------------
-
-    def material(self, population: Population, case: Any, phase: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return (density [kg/m^3], mass [kg]; 2-D: kg/m) of each fluid particle, from the phase of each."""
-        raise NotImplementedError
 
     def memory_beside(self, spec: Spec, fluid: int, entries: int) -> int:
         """Return the bytes on the device beside fields and list, of so many particles with so many list entries each."""

@@ -1,4 +1,4 @@
-"""Projection ISPH: one step, read from top to bottom (methods B; seed 002).
+"""Projection ISPH: one step, read from top to bottom (theory: isph#b1 to isph#b6; seed 002).
 
 Predict without pressure, solve the pressure equation that makes the velocity free of divergence, correct.
 """

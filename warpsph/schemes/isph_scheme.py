@@ -91,7 +91,7 @@ class IsphScheme(Scheme):
         state[:fluid, 0] = geometry.pressure[:fluid]
         population.put("state", state)
 
-    def values(self, params: Any, case: Any, physics: Physics) -> dict[str, Any]:
+    def values(self, params: Any, case: Any, geometry: Geometry, physics: Physics, device: Any) -> dict[str, Any]:
         """Set the numbers of its sweeps; return those of the deferred correction and of the rows below a surface."""
         from warpsph.schemes.isph_physics import row_shares
 
@@ -133,12 +133,6 @@ class IsphScheme(Scheme):
             "spacing": case.spacing,
         }
         return lambda level: IsphSystems(level, options)
-
-    def material(self, population: Population, case: Any, phase: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return (density, mass) of each fluid particle."""
-        from warpsph.scene import start_values
-
-        return start_values.material(population, case, phase)
 
     def memory_beside(self, spec: Spec, fluid: int, entries: int) -> int:
         """Return the bytes of matrix, solver and preconditioner."""

@@ -175,15 +175,13 @@ def derive(case: Case, geometry: Geometry, row_list: bool = True) -> Physics:
     )
 
 
-
 def heavy(case: Case) -> bool:
     """Return whether gravity acts."""
     return bool(np.any(np.asarray(case.gravity, dtype=float) != 0))
 
 
-
 def needed_sound_speeds(case: Case, scales: dict[str, float], seen: np.ndarray, filled: bool) -> list[float]:
-    """Return the least sound speed of each phase [m/s] (methods A1).
+    """Return the least sound speed of each phase [m/s] (theory: riemann#a1).
 
     c_k^2 >= max(U^2, p_k/rho_k, 0.01 p_max/rho_k, mu_k U/(rho_k L)) / 0.01, p_k the pressure that phase k sees; p_k / 4
     under gravity for a light phase whose volume its start pressure holds, or a closed domain that is full (`filled`).
@@ -204,7 +202,6 @@ def needed_sound_speeds(case: Case, scales: dict[str, float], seen: np.ndarray, 
         )
         result.append(math.sqrt(square / COMPRESSION))
     return result
-
 
 
 def sound_speeds(
@@ -236,9 +233,8 @@ def sound_speeds(
     return result, warnings
 
 
-
 def step_limits(case: Case, spec: Spec, h: float, tension: np.ndarray) -> dict[str, float]:
-    """Return the constant limits of the time step [s] by name (methods A9)."""
+    """Return the constant limits of the time step [s] by name (theory: riemann#a9)."""
     phases = [case.phases[name] for name in case.phase_names]
     limits: dict[str, float] = {}
     if spec.viscosity != "none":

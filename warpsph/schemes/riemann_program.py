@@ -1,4 +1,4 @@
-"""Riemann multiphase SPH: one kick-drift-kick step, read from top to bottom (methods A; seed 000).
+"""Riemann multiphase SPH: one kick-drift-kick step, read from top to bottom (theory: riemann#a1 to riemann#a10; seed 000).
 
 Star states of each pair from the Riemann problem, tension as a pressure jump inside it, corrected or conservative
 pressure gradient, leapfrog with one continuity and one momentum sweep.

@@ -77,7 +77,7 @@ class RiemannScheme(Scheme):
         population.put("density_excess", excess)
         population.put("rest_volume", geometry.volume[: geometry.fluid_count] * (1.0 + excess))
 
-    def values(self, params: Any, case: Any, physics: Physics) -> dict[str, Any]:
+    def values(self, params: Any, case: Any, geometry: Geometry, physics: Physics, device: Any) -> dict[str, Any]:
         """Set the numbers of its sweeps."""
         choices = physics.choices
         if physics.spec.room:
@@ -97,9 +97,3 @@ class RiemannScheme(Scheme):
         clock[ck.SOUND] = max(physics.sound_speed)
         clock[ck.RARE_LIMIT] = RARE_WAY * physics.h
         clock[ck.RARE_CAP] = physics.step_cap.get("surface tension", math.inf)
-
-    def material(self, population: Population, case: Any, phase: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return (density, mass) of each fluid particle."""
-        from warpsph.scene import start_values
-
-        return start_values.material(population, case, phase)

@@ -13,7 +13,8 @@ import numpy as np
 from warpsph.case.case_file import read_yaml
 from warpsph.errors import CaseError, OutputError, Problem, listed
 from warpsph.files.output import Series, read_vtp
-from warpsph.measure.gauges import FIELD_UNITS, VECTOR_FIELDS, read_gauge
+from warpsph.measure.gauge_files import read_gauge
+from warpsph.measure.point_gauges import FIELD_UNITS, VECTOR_FIELDS
 from warpsph.snapshot import Snapshot
 
 if TYPE_CHECKING:

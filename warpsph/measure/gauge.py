@@ -1,0 +1,100 @@
+"""What all gauges share: columns, and what a gauge needs to see of the state."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from warpsph.errors import WarpsphError
+from warpsph.measure.sums import PhaseSums, Scene
+from warpsph.snapshot import Snapshot
+
+AXES = ("x", "y", "z")
+
+
+@dataclass(frozen=True)
+class Column:
+    """Name and unit of one column of a gauge."""
+
+    name: str
+    unit: str
+
+    def __str__(self) -> str:
+        return f"{self.name} [{self.unit}]"
+
+
+@dataclass(frozen=True)
+class Needs:
+    """What gauges look at; a run measures and copies just that for a record."""
+
+    sums: frozenset[type[PhaseSums]] = frozenset()
+    """groups of `warpsph.measure.sums`, formed on the device"""
+    extra: frozenset[str] = frozenset()
+    """other numbers of the device: `interface_length`, `wall_force`"""
+    fields: frozenset[str] = frozenset()
+    """of the snapshot, for all particles; `phase` and `kind` come with any"""
+    samples: frozenset[str] = frozenset()
+    """of the snapshot, for the fluid around the points of the gauge"""
+
+    @classmethod
+    def of(
+        cls,
+        *sums: type[PhaseSums],
+        extra: Iterable[str] = (),
+        fields: Iterable[str] = (),
+        samples: Iterable[str] = (),
+    ) -> Needs:
+        """Needs from any iterables."""
+        return cls(frozenset(sums), frozenset(extra), frozenset(fields), frozenset(samples))
+
+    def __or__(self, other: Needs) -> Needs:
+        return Needs(
+            self.sums | other.sums, self.extra | other.extra, self.fields | other.fields, self.samples | other.samples
+        )
+
+
+class Gauge:
+    """Base of all gauges: what one measures from a snapshot.
+
+    needs: what of the snapshot is looked at; nothing else of it need be there
+    """
+
+    needs: Needs
+
+    def __init__(self, name: str, spec: Any, case: Any) -> None:
+        self.name = name
+        self.spec = spec
+        self.scene = Scene(case)
+        self.dimension: int = case.dimension
+        self.phase_names: list[str] = list(case.phase_names)
+
+    @property
+    def axes(self) -> tuple[str, ...]:
+        return AXES[: self.dimension]
+
+    def unit(self, three_d: str, two_d: str) -> str:
+        """The unit in this dimension."""
+        return three_d if self.dimension == 3 else two_d
+
+    @property
+    def columns(self) -> list[Column]:
+        """Names and units of the columns after the time."""
+        raise NotImplementedError
+
+    def row(self, snapshot: Snapshot) -> list[float]:
+        """One number for each column."""
+        raise NotImplementedError
+
+    def rows(self, snapshot: Snapshot) -> np.ndarray:
+        """(rows, columns) float64; one row, except for gauges of many points."""
+        return np.asarray([self.row(snapshot)], np.float64)
+
+    def extra(self, snapshot: Snapshot, key: str) -> float:
+        """A number that the device measured; raises WarpsphError if it did not."""
+        if key not in snapshot.extra:
+            known = ", ".join(sorted(snapshot.extra)) or "nothing"
+            raise WarpsphError(f"gauges.{self.name}: this scene does not measure {key!r} (it measures {known})")
+        return float(snapshot.extra[key])

@@ -1,0 +1,179 @@
+"""Gauges of sums over the phases: energies, momentum, pressures, velocities; and what walls and interfaces add up to."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+
+from warpsph.measure.gauge import AXES, Column, Gauge, Needs
+from warpsph.measure.interface_area import interface_areas
+from warpsph.measure.sums import Energies, Motion, PhaseEos, Pressures, Scene, mean_over, sums_of
+from warpsph.snapshot import Snapshot
+
+
+class EnergyGauge(Gauge):
+    """Energies of the fluid [J]: kinetic, potential, elastic (see PhaseEos), surface and their total.
+
+    potential = sum m (-g.x + B^2 |x - c|^2/2), B and c those of a central force.
+    surface = sum over the pairs of phases of their surface tension times the length (3-D: area) of their interface (see
+    `interface_area`); that of a wall with a contact angle is not known and left out. It belongs to no phase: the
+    totals of the phases are without it.
+
+    Without equations of state (`eos`) the column `elastic` is left out and not part of the total, without surface tension
+    the column `surface`.
+    """
+
+    def __init__(self, name: str, spec: Any, case: Any, eos: Mapping[str, PhaseEos] | None = None) -> None:
+        super().__init__(name, spec, case)
+        self.scene = Scene(case, eos)
+        self.tensions = [pair for pair in case.surface_tension if pair.coefficient > 0]
+        self.needs = Needs.of(Energies, fields=("position", "volume") if self.tensions else ())
+
+    @property
+    def columns(self) -> list[Column]:
+        unit = self.unit("J", "J/m")
+        parts = [*(["elastic"] if self.scene.eos else []), *(["surface"] if self.tensions else [])]
+        names = ["kinetic", "potential", *parts, "total"]
+        for phase in self.phase_names:
+            names += [f"kinetic {phase}", f"total {phase}"]
+        return [Column(name, unit) for name in names]
+
+    def row(self, snapshot: Snapshot) -> list[float]:
+        energies = sums_of(snapshot, Energies, self.scene)
+        total = energies.kinetic + energies.potential
+        result = [energies.kinetic.sum(), energies.potential.sum()]
+        if self.scene.eos:
+            total = total + energies.elastic
+            result.append(energies.elastic.sum())
+        surface = self._surface(snapshot) if self.tensions else 0.0
+        result += [surface] if self.tensions else []
+        result.append(total.sum() + surface)
+        for kinetic, all_of_phase in zip(energies.kinetic, total, strict=True):
+            result += [kinetic, all_of_phase]
+        return result
+
+    def _surface(self, snapshot: Snapshot) -> float:
+        areas = interface_areas(
+            snapshot.position, snapshot.volume, snapshot.phase, len(self.phase_names),
+            self.scene.lower, self.scene.upper, self.scene.periodic, snapshot.particle_spacing,
+        )  # fmt: skip
+        places = [sorted(self.phase_names.index(name) for name in pair.between) for pair in self.tensions]
+        return sum(pair.coefficient * areas[a, b] for pair, (a, b) in zip(self.tensions, places, strict=True))
+
+
+class MomentumGauge(Gauge):
+    """Linear and angular momentum of the fluid, the latter about the origin.
+
+    `scale` is the sum of m |v|, to which a drift of the momentum can be compared; `max_speed` is the largest |v|.
+    """
+
+    needs = Needs.of(Motion)
+
+    @property
+    def columns(self) -> list[Column]:
+        linear, angular = self.unit("kg m/s", "kg/s"), self.unit("kg m^2/s", "kg m/s")
+        spins = AXES if self.dimension == 3 else ("z",)
+        return [
+            *(Column(f"momentum_{axis}", linear) for axis in self.axes),
+            *(Column(f"angular_{axis}", angular) for axis in spins),
+            Column("scale", linear),
+            Column("max_speed", "m/s"),
+        ]
+
+    def row(self, snapshot: Snapshot) -> list[float]:
+        motion = sums_of(snapshot, Motion, self.scene)
+        spin = motion.spin.sum(axis=0)
+        fastest = motion.max_speed[~np.isnan(motion.max_speed)].max(initial=0.0)
+        return [
+            *motion.momentum.sum(axis=0), *(spin if self.dimension == 3 else spin[2:]), motion.scale.sum(), fastest
+        ]  # fmt: skip
+
+
+class PhasePressureGauge(Gauge):
+    """Pressure averaged over the volume of each phase, the difference of each two, and the extremes [Pa].
+
+    The column of a pair is named in the order of the case's phases, `gas - liquid`. A phase without
+    particles has nan.
+    """
+
+    needs = Needs.of(Pressures)
+
+    @property
+    def columns(self) -> list[Column]:
+        pairs = [f"{first} - {second}" for first, second in combinations(self.phase_names, 2)]
+        return [Column(name, "Pa") for name in [*self.phase_names, *pairs, "max", "min"]]
+
+    def row(self, snapshot: Snapshot) -> list[float]:
+        found = sums_of(snapshot, Pressures, self.scene)
+        differences = [first - second for first, second in combinations(found.mean, 2)]
+        return [*found.mean, *differences, np.fmax.reduce(found.highest), np.fmin.reduce(found.lowest)]
+
+
+class PhaseVelocityGauge(Gauge):
+    """Velocity of each phase, averaged over its volume, and its largest speed [m/s]; nan without particles.
+
+    The vertical one of a bubble is its rise velocity.
+    """
+
+    needs = Needs.of(Motion)
+
+    @property
+    def columns(self) -> list[Column]:
+        names = (*(f"velocity_{axis}" for axis in self.axes), "max_speed")
+        return [Column(f"{name} {phase}", "m/s") for phase in self.phase_names for name in names]
+
+    def row(self, snapshot: Snapshot) -> list[float]:
+        motion = sums_of(snapshot, Motion, self.scene)
+        mean = mean_over(motion.volume, motion.flow)
+        return [*np.column_stack([mean, motion.max_speed]).ravel()]
+
+
+class InterfaceLengthGauge(Gauge):
+    """Length (3-D: area) of all interfaces between phases, as the device measured it."""
+
+    needs = Needs.of(extra=("interface_length",))
+
+    @property
+    def columns(self) -> list[Column]:
+        return [Column("interface_length", self.unit("m^2", "m"))]
+
+    def row(self, snapshot: Snapshot) -> list[float]:
+        return [self.extra(snapshot, "interface_length")]
+
+
+def wall_bodies(case: Any) -> list[str]:
+    """Names of the solid bodies of a case, as in `wall_force_x <body>`: `domain` if it has walls, then the
+    obstacles.
+
+    An obstacle without a name is called obstacle_1, obstacle_2 ... by its place in the list.
+    """
+    names = [obstacle.name or f"obstacle_{place}" for place, obstacle in enumerate(case.obstacles, 1)]
+    at_domain = any("wall" in (axis.lower.kind, axis.upper.kind) for axis in case.sides)
+    return (["domain"] if at_domain else []) + names
+
+
+class WallForceGauge(Gauge):
+    """Force of the fluid on the walls: of all bodies together, and of each (`wall_bodies`)."""
+
+    needs = Needs.of(extra=("wall_force",))
+
+    def __init__(self, name: str, spec: Any, case: Any) -> None:
+        super().__init__(name, spec, case)
+        self.bodies = wall_bodies(case)
+
+    @property
+    def columns(self) -> list[Column]:
+        unit = self.unit("N", "N/m")
+        return [
+            *(Column(f"force_{axis}", unit) for axis in self.axes),
+            *(Column(f"force_{axis} {body}", unit) for body in self.bodies for axis in self.axes),
+        ]
+
+    def row(self, snapshot: Snapshot) -> list[float]:
+        forces = np.array(
+            [[self.extra(snapshot, f"wall_force_{axis} {body}") for axis in self.axes] for body in self.bodies]
+        ).reshape(-1, self.dimension)
+        return [*forces.sum(axis=0), *forces.ravel()]
