@@ -42,9 +42,9 @@ from warpsph.errors import (
 from warpsph.files import checkpoint
 from warpsph.files.output import RunFolder, Schedule, Writer
 from warpsph.measure.gauges import GaugeSet
-from warpsph.measure.recorder import Recorder
 from warpsph.measure.sums import eos_of_run
 from warpsph.running.divergence import runaway_particle
+from warpsph.running.recorder import Recorder
 from warpsph.running.restarts import SAME_CASE, check_fit, check_unfinished, find_checkpoint, is_inside, reached, scene_of
 from warpsph.running.state_copy import StateCopy, copy_state
 from warpsph.running.summary import leak_warning, machine, solver_warnings, versions

@@ -47,7 +47,7 @@ def columns_of(spec: Any, case: Any) -> list[Column]:
 
     spec: the gauge in the case; case: the case, or what could be read of a faulty one.
     """
-    return _COLUMNS[spec.type](spec, case, list(case.phases), AXES[: case.dimension])
+    return _COLUMNS[spec.type](spec, case, list(case.phase_names), AXES[: case.dimension])
 
 
 def column_names(name: str, spec: Any, case: Any) -> list[str]:
@@ -139,7 +139,7 @@ def _contour(spec: Any, case: Any, phases: _Names, axes: _Names) -> list[Column]
         units = {"perimeter": "m", "circularity": "1", "filling": "1"}
         result += [Column(f"{name} {phase}", unit) for name, unit in units.items()]
         result += [Column(f"{end}_{axis} {phase}", "m") for end in ("lowest", "highest") for axis in axes]
-        result += [] if spec.mirror is None else [Column(f"asymmetry {phase}", "m")]
+        result += [] if getattr(spec, "mirror", None) is None else [Column(f"asymmetry {phase}", "m")]
     return result
 
 

@@ -26,17 +26,16 @@ from __future__ import annotations
 import functools
 import math
 import operator
-import re
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from warpsph.case.expressions import Expression, compile_expression
+from warpsph.case.columns import Column
 from warpsph.errors import CaseError, Problem, listed
 from warpsph.files.output import Schedule
-from warpsph.measure.gauge import Column, Gauge, Needs
+from warpsph.measure.gauge import Gauge, Needs
 from warpsph.measure.gauge_files import GaugeFile
 from warpsph.measure.phase_gauges import (
     EnergyGauge,
@@ -64,33 +63,6 @@ GAUGES: dict[str, type[Gauge]] = {
     "points": PointsGauge,
     "line": LineGauge,
 }
-
-
-def column_names(name: str, spec: Any, case: Any) -> list[str]:
-    """Names of the columns that a gauge of a case will have in a run, the time first."""
-    kind = GAUGES[spec.type]
-    # A run gives the energy gauge equations of state; that there are some is all that its columns depend on.
-    some = dict.fromkeys(case.phase_names, PhaseEos(1.0, 1.0, 1.0))
-    gauge = EnergyGauge(name, spec, case, some) if kind is EnergyGauge else kind(name, spec, case)
-    return ["time", *(column.name for column in gauge.columns)]
-
-
-def column_formula(names: Iterable[str], text: str) -> tuple[Expression, dict[str, str]]:
-    """Arithmetic of columns such as `2 * kinetic` or `highest_x gas - lowest_x gas`.
-
-    Returns the expression and the column that each of its names stands for. Raises ExpressionError.
-    """
-    names = list(names)
-    called = {name: name for name in names if name.isidentifier()}
-    formula = text
-    # A name of several words gets one word as a stand-in, the longest first, since `kinetic gas` may be part of another.
-    # `gas - liquid` is none of them: as arithmetic it means the same.
-    several = [name for name in names if " " in name and all(word.isidentifier() for word in name.split(" "))]
-    for place, name in enumerate(sorted(several, key=len, reverse=True)):
-        formula, count = re.subn(rf"(?<!\w){re.escape(name)}(?!\w)", f"column_{place}", formula)
-        if count:
-            called[f"column_{place}"] = name
-    return compile_expression(formula, names=list(called)), called
 
 
 # ------------------------------------------------------------------------------------------------------------

@@ -1,6 +1,6 @@
 """Sums and extremes over the phases, which most gauges are made of.
 
-A class for each group of them. A run forms them on its device (`warpsph.measure.device_sums`), so that a record copies a few
+A class for each group of them. A run forms them on its device (`warpsph.running.device_sums`), so that a record copies a few
 numbers; of a snapshot they are formed here, from the same terms in the same order. P is the number of phases and d that of
 dimensions; a phase without particles has the sums 0 and the extremes nan.
 """

@@ -52,11 +52,12 @@ from typing import Any
 
 import numpy as np
 
+from warpsph.case.columns import column_formula
 from warpsph.errors import CaseError, ExpressionError, WarpsphError, listed, short
 from warpsph.files.output import Series, last_particles, read_vtp
 from warpsph.measure.contour import crossings_above, join_ends
 from warpsph.measure.gauge_files import read_gauge
-from warpsph.measure.gauges import GaugeSet, column_formula, schedule_of
+from warpsph.measure.gauges import GaugeSet, schedule_of
 from warpsph.snapshot import Snapshot
 from warpsph.study.plot import read_segments
 

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from warpsph.measure.device_sums import Nearby
 from warpsph.measure.gauges import GaugeSet
 from warpsph.measure.probes import sample
+from warpsph.running.device_sums import Nearby
 from warpsph.running.state_copy import SOURCES, StateCopy, copy_state
 
 if TYPE_CHECKING:
