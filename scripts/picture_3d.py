@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from warpsph.errors import WarpsphError
-from warpsph.files.output import read_vtp
+from warpsph.files.vtp import read_vtp
 from warpsph.study.figures import case_of_run
 from warpsph.study.plot import choose_frames
 

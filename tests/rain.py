@@ -137,7 +137,7 @@ class Rain(Scheme):
             "drop_volume": types_of(physics.spec).real(case.spacing**case.dimension),
         }
 
-    def program(self, spec):
+    def program(self, spec, choices):
         """Fall, leave, enter."""
         due, count = make_due()
         fall = Stage("fall", make_fall(spec), "fluid", "weight")

@@ -187,7 +187,7 @@ class Simulation:
         particles = self.case.output.particles
         options: dict[str, Any] = {"precision": self.case.precision}
         if particles is not None:
-            options["fields"] = particles.fields
+            options |= {"fields": particles.fields, "compress": particles.compress}
         return RunFolder(output, resume=resume, **options)
 
     def _write_case(self) -> None:

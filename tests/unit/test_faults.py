@@ -24,8 +24,9 @@ from warpsph import Simulation, cli, simulation
 from warpsph.case.case_file import save_case
 from warpsph.engine import neighbours
 from warpsph.errors import CapacityError, CaseError, DivergenceError, Interrupted, OutputError, WallTimeReached
-from warpsph.files import checkpoint, output
-from warpsph.files.output import Series, read_vtp
+from warpsph.files import checkpoint, whole_files
+from warpsph.files.output import Series
+from warpsph.files.vtp import read_vtp
 from warpsph.measure.gauge_files import read_gauge
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -499,7 +500,7 @@ def test_full_disk_at_a_file(tmp_path, monkeypatch, part):
         replace(source, target)
 
     frames: list[int] = []
-    monkeypatch.setattr(output.os, "replace", refuse)
+    monkeypatch.setattr(whole_files.os, "replace", refuse)
     with pytest.raises(OutputError, match="the disk is full"):
         Simulation(case_of(PERIODIC), output=tmp_path / "run", threads=1).run()
     assert_whole(tmp_path / "run")
@@ -513,7 +514,7 @@ def test_write_error_is_told_inside_a_handler(tmp_path, monkeypatch):
 
     changes = {"output.particles": None, "output.checkpoint": {"interval": 1.0}}
     run = Simulation(case_of(PERIODIC).replace(changes), output=tmp_path / "run", threads=1)
-    monkeypatch.setattr(output.os, "replace", refuse)
+    monkeypatch.setattr(whole_files.os, "replace", refuse)
     try:
         raise KeyError
     except KeyError:

@@ -15,8 +15,9 @@ import numpy as np
 import pytest
 
 from warpsph.errors import OutputError
-from warpsph.files import output
-from warpsph.files.output import PARTICLE_FIELDS, RunFolder, Schedule, Writer, last_particles, read_vtp, write_vtp
+from warpsph.files import vtp
+from warpsph.files.output import RunFolder, Schedule, Writer, last_particles
+from warpsph.files.vtp import PARTICLE_FIELDS, read_vtp, write_vtp
 from warpsph.snapshot import FLUID, WALL, Snapshot
 
 
@@ -59,9 +60,10 @@ def test_snapshot_splits_into_fluid_and_wall():
 # -- particle files ----------------------------------------------------------------------------------------
 
 
+@pytest.mark.parametrize("compress", [False, True])
 @pytest.mark.parametrize("dimension", [2, 3])
 @pytest.mark.parametrize(("precision", "real"), [("float32", np.float32), ("float64", np.float64)])
-def test_vtp_is_read_back_by_pyvista(tmp_path, dimension, precision, real):
+def test_vtp_is_read_back_by_pyvista(tmp_path, dimension, precision, real, compress):
     pyvista = pytest.importorskip("pyvista")
     n = 7
     particles = make_snapshot(
@@ -73,7 +75,7 @@ def test_vtp_is_read_back_by_pyvista(tmp_path, dimension, precision, real):
         acceleration=np.ones((n, dimension)),
     )
     path = tmp_path / "fluid_000000.vtp"
-    size = write_vtp(path, particles, PARTICLE_FIELDS, precision)
+    size = write_vtp(path, particles, PARTICLE_FIELDS, precision, compress)
     assert path.stat().st_size == size
     mesh = pyvista.read(path)
     assert mesh.n_points == mesh.n_verts == n
@@ -93,6 +95,36 @@ def test_vtp_is_read_back_by_pyvista(tmp_path, dimension, precision, real):
     np.testing.assert_array_equal(mesh.point_data["particle_id"], particles.particle_id)
     np.testing.assert_array_equal(mesh.point_data["particle_spacing"], np.full(n, 0.125))
     assert mesh.field_data["TimeValue"][0] == 0.3
+
+
+@pytest.mark.parametrize("count", [0, 1, 300, 512, 1000])
+def test_compressed_files_of_any_number_of_blocks(tmp_path, monkeypatch, count):
+    """A block of 4096 bytes holds 512 particle ids: one that is cut, one that is full, several."""
+    pyvista = pytest.importorskip("pyvista")
+    monkeypatch.setattr(vtp, "_BLOCK", 4096)
+    particles = make_snapshot(fluid=count, at=0.7)
+    plain, small = tmp_path / "fluid_000000.vtp", tmp_path / "fluid_000001.vtp"
+    size = write_vtp(plain, particles)
+    assert write_vtp(small, particles, compress=True) == small.stat().st_size
+    if count == 1000:
+        assert small.stat().st_size < 0.6 * size
+    mesh = pyvista.read(small)
+    assert mesh.n_points == count and mesh.field_data["TimeValue"][0] == 0.7
+    one, other = read_vtp(plain, 2), read_vtp(small, 2)
+    assert one.time == other.time == 0.7
+    for name in ("position", "velocity", "density", "pressure", "mass", "phase", "particle_id"):
+        np.testing.assert_array_equal(getattr(other, name), getattr(one, name))
+    if count:
+        np.testing.assert_array_equal(mesh.point_data["particle_id"], other.particle_id)
+        np.testing.assert_array_equal(mesh.points[:, :2], other.position.astype(np.float32))
+
+
+def test_frames_are_compressed_on_request(tmp_path):
+    with RunFolder(tmp_path / "run", compress=True) as folder:
+        folder.write_particles(make_snapshot(fluid=100))
+        path = folder.particles / "fluid_000000.vtp"
+        assert b"vtkZLibDataCompressor" in path.read_bytes()
+        assert len(last_particles(folder.path, 2)) == 100
 
 
 def test_vtp_holds_the_chosen_fields_and_no_particles_is_fine(tmp_path):
@@ -126,10 +158,11 @@ def test_own_reader_gives_back_what_was_written(tmp_path):
     np.testing.assert_allclose(wall.volume, particles.mass / particles.density, rtol=1e-6)
 
 
+@pytest.mark.parametrize("compress", [False, True])
 @pytest.mark.parametrize("share", [0.1, 0.5, 0.999])
-def test_own_reader_refuses_a_cut_file(tmp_path, share):
+def test_own_reader_refuses_a_cut_file(tmp_path, share, compress):
     path = tmp_path / "fluid_000000.vtp"
-    write_vtp(path, make_snapshot(fluid=100))
+    write_vtp(path, make_snapshot(fluid=100), compress=compress)
     content = path.read_bytes()
     # The last array is the Verts' offsets, followed by 32 bytes of XML that nobody misses.
     path.write_bytes(content[: int((len(content) - 32) * share)])
@@ -328,7 +361,7 @@ def test_full_disk_leaves_the_old_file_and_no_half_one(tmp_path, monkeypatch, ro
     path = tmp_path / "fluid_000000.vtp"
     write_vtp(path, make_snapshot(fluid=3))
     before = path.read_bytes()
-    monkeypatch.setattr(output, "open", FullDisk(room), raising=False)
+    monkeypatch.setattr(vtp, "open", FullDisk(room), raising=False)
     with pytest.raises(OutputError, match=r"fluid_000000.vtp: the disk is full, 0.\d MB needed"):
         write_vtp(path, make_snapshot(fluid=1000))
     assert path.read_bytes() == before
@@ -338,7 +371,7 @@ def test_full_disk_leaves_the_old_file_and_no_half_one(tmp_path, monkeypatch, ro
 def test_full_disk_does_not_spoil_series(tmp_path, monkeypatch):
     with RunFolder(tmp_path / "run") as folder:
         folder.write_particles(make_snapshot())
-        monkeypatch.setattr(output, "open", FullDisk(100), raising=False)
+        monkeypatch.setattr(vtp, "open", FullDisk(100), raising=False)
         with pytest.raises(OutputError, match="disk is full"):
             folder.write_particles(make_snapshot(at=1.0))
         monkeypatch.undo()
@@ -358,7 +391,7 @@ sys.path.insert(0, {str(Path(__file__).parent)!r})
 from pathlib import Path
 from test_output import make_snapshot
 from warpsph.errors import OutputError
-from warpsph.files.output import write_vtp
+from warpsph.files.vtp import write_vtp
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 resource.setrlimit(resource.RLIMIT_FSIZE, (65536, 65536))
 try:

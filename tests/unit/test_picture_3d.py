@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from warpsph.case.case_file import dump_yaml
-from warpsph.files.output import write_vtp
+from warpsph.files.vtp import write_vtp
 from warpsph.snapshot import FLUID, Snapshot
 
 SCRIPT = Path(__file__).resolve().parents[2] / "scripts" / "picture_3d.py"

@@ -13,7 +13,6 @@ from warpsph.schemes import registry
 
 HEIGHT, WIDTH, SPACING, GRAVITY = 1.0, 0.5, 0.05, 10.0
 SCHEME = Rain()
-registry.register(SCHEME)
 LAYER = round(WIDTH / SPACING)
 FALL_TIME = (-SCHEME.speed + math.sqrt(SCHEME.speed**2 + 2 * GRAVITY * HEIGHT)) / GRAVITY
 
@@ -27,6 +26,14 @@ CASE = {
     "fluids": [{"phase": "water", "shape": {"box": {"lower": [0, 0.9], "upper": [WIDTH, 1.0]}}}],
     "numerics": {"scheme": "rain"},
 }
+
+
+@pytest.fixture(autouse=True, scope="module")
+def known():
+    """The scheme, for the tests of this file."""
+    registry.register(SCHEME)
+    yield
+    registry.unregister(SCHEME.name)
 
 
 def rain(device, precision="float64", room=0):

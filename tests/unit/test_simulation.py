@@ -14,9 +14,8 @@ from warpsph.case.case_file import save_case
 from warpsph.errors import CaseError, WarpsphError
 from warpsph.files import output
 from warpsph.kernels.core import clock as ck
-from warpsph.measure import recorder
 from warpsph.measure.gauge_files import read_gauge
-from warpsph.running import preview
+from warpsph.running import preview, recorder
 from warpsph.study.comparison import compared
 
 

@@ -6,7 +6,15 @@ import difflib
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Discriminator, Field, Tag
+from pydantic import (
+    BeforeValidator,
+    Discriminator,
+    Field,
+    SerializeAsAny,
+    Tag,
+    ValidatorFunctionWrapHandler,
+    WrapValidator,
+)
 
 from warpsph.case.outputs import Timed
 from warpsph.case.values import (
@@ -26,43 +34,43 @@ SAMPLED_FIELDS = ("velocity", "density", "pressure", "volume", "phase", "acceler
 """Fields that gauges can interpolate at points and along lines."""
 
 
-class _Gauge(Timed):
+class GaugeModel(Timed):
     """A time series written to gauges/<name>.csv."""
 
     type: str = Field(description="what is measured", examples=["energy"])
 
 
-class EnergyGauge(_Gauge):
+class EnergyGauge(GaugeModel):
     """Kinetic, potential, elastic and surface energy of the fluid."""
 
     type: Literal["energy"] = Field(description="energies of the fluid; surface energy where there is surface tension")
 
 
-class MomentumGauge(_Gauge):
+class MomentumGauge(GaugeModel):
     """Momentum of the fluid."""
 
     type: Literal["momentum"] = Field(description="momentum of the fluid")
 
 
-class PhasePressureGauge(_Gauge):
+class PhasePressureGauge(GaugeModel):
     """Mean pressure of each phase."""
 
     type: Literal["phase_pressure"] = Field(description="mean pressure of each phase")
 
 
-class InterfaceLengthGauge(_Gauge):
+class InterfaceLengthGauge(GaugeModel):
     """Length (3-D: area) of the interface between phases."""
 
     type: Literal["interface_length"] = Field(description="length of the interface")
 
 
-class ExtentsGauge(_Gauge):
+class ExtentsGauge(GaugeModel):
     """Extents and centre of each phase."""
 
     type: Literal["extents"] = Field(description="extents of each phase")
 
 
-class ContourGauge(_Gauge):
+class ContourGauge(GaugeModel):
     """The line around each phase (2-D)."""
 
     type: Literal["contour"] = Field(description="the line around each phase (2-D)")
@@ -73,19 +81,19 @@ class ContourGauge(_Gauge):
     )
 
 
-class PhaseVelocityGauge(_Gauge):
+class PhaseVelocityGauge(GaugeModel):
     """Mean velocity of each phase."""
 
     type: Literal["phase_velocity"] = Field(description="mean velocity of each phase")
 
 
-class StraysGauge(_Gauge):
+class StraysGauge(GaugeModel):
     """Particles that have left their phase."""
 
     type: Literal["strays"] = Field(description="particles without company of their own phase")
 
 
-class WallForceGauge(_Gauge):
+class WallForceGauge(GaugeModel):
     """Force of the fluid on the walls."""
 
     type: Literal["wall_force"] = Field(description="force on the walls")
@@ -96,7 +104,7 @@ _SampledFields = Annotated[
 ]
 
 
-class PointsGauge(_Gauge):
+class PointsGauge(GaugeModel):
     """Fields at fixed points."""
 
     type: Literal["points"] = Field(description="fields at points")
@@ -117,7 +125,7 @@ class PointsGauge(_Gauge):
     )
 
 
-class LineGauge(_Gauge):
+class LineGauge(GaugeModel):
     """Fields at evenly spaced points of a line."""
 
     type: Literal["line"] = Field(description="fields along a line")
@@ -129,7 +137,7 @@ class LineGauge(_Gauge):
     fields: _SampledFields = Field(description="fields to interpolate", examples=["[velocity]"])
 
 
-GAUGES: dict[str, type[_Gauge]] = {
+GAUGES: dict[str, type[GaugeModel]] = {
     "energy": EnergyGauge,
     "momentum": MomentumGauge,
     "phase_pressure": PhasePressureGauge,
@@ -144,13 +152,17 @@ GAUGES: dict[str, type[_Gauge]] = {
 }
 
 
+REGISTERED: dict[str, type[GaugeModel]] = {}
+"""models of gauges that a program has added, see `warpsph.measure.gauges.register`"""
+
+
 def _gauge_type(value: Any) -> str:
     """Tag of the gauge model, in < > so that the report can tell it from a key."""
     return f"<{value['type'] if isinstance(value, Mapping) else value.type}>"
 
 
 def _check_gauge_type(value: Any) -> Any:
-    if isinstance(value, _Gauge):
+    if isinstance(value, GaugeModel):
         return value
     if not isinstance(value, Mapping):
         raise bad_value("needs a mapping with type and interval", "write e.g. {type: energy, interval: 0.1}")
@@ -159,12 +171,22 @@ def _check_gauge_type(value: Any) -> Any:
         close = difflib.get_close_matches("type", [key for key in value if isinstance(key, str)], 1)
         remedy = f"did you mean type where {short(close[0])} is?" if close else "add type: " + " | ".join(GAUGES)
         raise bad_value("needs the key type", remedy)
-    if not isinstance(kind, str) or kind not in GAUGES:
+    known = [*GAUGES, *REGISTERED]
+    if not isinstance(kind, str) or kind not in known:
         raise bad_value(
             f"has an unknown type {short(kind) if isinstance(kind, str) else kind_of(kind)}",
-            suggestion(kind, GAUGES),
+            suggestion(kind, known),
         )
     return value
+
+
+def _as_registered(value: Any, handler: ValidatorFunctionWrapHandler) -> Any:
+    """Read a gauge that a program has added with its own model, all others as one of the union."""
+    if isinstance(value, tuple(REGISTERED.values())):
+        return value
+    if isinstance(value, Mapping) and value.get("type") in REGISTERED:
+        return REGISTERED[value["type"]].model_validate(value)
+    return handler(value)
 
 
 Gauge = Annotated[
@@ -180,5 +202,7 @@ Gauge = Annotated[
     | Annotated[PointsGauge, Tag("<points>")]
     | Annotated[LineGauge, Tag("<line>")],
     Discriminator(_gauge_type),
+    WrapValidator(_as_registered),
     BeforeValidator(_check_gauge_type),
+    SerializeAsAny(),
 ]

@@ -63,6 +63,7 @@ class ParticleOutput(Timed):
             examples=["[velocity, pressure]"],
         )
     )
+    compress: bool = Field(default=False, description="compress the files with zlib, without loss", examples=["true"])
 
 
 class CheckpointOutput(CaseModel):

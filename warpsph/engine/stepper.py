@@ -8,7 +8,7 @@ step and starts the loop again. On a CPU device the same nodes run from a host l
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Protocol
 
 import numpy as np
@@ -40,7 +40,7 @@ STOPS = {ck.FAULT_LIST: (BuildList, KeepList), ck.FAULT_CAPACITY: (Births,)}
 class HasProgram(Protocol):
     """What the loop needs of a scheme."""
 
-    def program(self, spec: Spec) -> Program:
+    def program(self, spec: Spec, choices: Mapping[str, Any]) -> Program:
         """Return the program of a structure."""
 
 
@@ -51,10 +51,13 @@ class Stepper:
         scheme: gives the program.
         levels: particles with their start values, the coarsest first; a uniform run has one.
         clock: of all levels.
+        choices: of the numerics, which the program may depend on.
     """
 
-    def __init__(self, scheme: HasProgram, levels: Sequence[Level], clock: DeviceClock) -> None:
-        self.scheme, self.levels, self._clock = scheme, list(levels), clock
+    def __init__(
+        self, scheme: HasProgram, levels: Sequence[Level], clock: DeviceClock, choices: Mapping[str, Any] | None = None
+    ) -> None:
+        self.scheme, self.levels, self._clock, self.choices = scheme, list(levels), clock, dict(choices or {})
         self.launcher = levels[0].launcher
         self.nodes, self.start_nodes, self.first_nodes = Bound(self), Bound(self), Bound(self)
         self.births: dict[str, Bound] = {}
@@ -119,7 +122,7 @@ class Stepper:
 
     def _bind(self) -> None:
         """Bind all nodes; needed again whenever an array was replaced. Arguments are checked before anything compiles."""
-        self.program = self.scheme.program(self.spec)
+        self.program = self.scheme.program(self.spec, self.choices)
         for level in self.levels:
             if level.systems is not None:
                 level.systems.bind()

@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 
 from warpsph.errors import OutputError
-from warpsph.files.output import whole_file
+from warpsph.files.whole_files import whole_file
 
 FORMAT = "warpsph checkpoint"
 VERSION = 1

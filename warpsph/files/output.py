@@ -16,86 +16,25 @@ so what carries its final name can be read at any moment, also after the process
 
 from __future__ import annotations
 
-import errno
 import json
 import math
-import os
 import queue
 import threading
 import xml.etree.ElementTree as xml
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from time import perf_counter
 from types import TracebackType
-from typing import IO, Any
+from typing import Any
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
 from warpsph.errors import OutputError
-from warpsph.snapshot import FLUID, OPTIONAL_FIELDS, WALL, Snapshot
-
-DEFAULT_FIELDS = ("velocity", "density", "pressure", "mass", "phase")
-PARTICLE_FIELDS = ("velocity", "density", "pressure", "mass", "volume", "phase", *OPTIONAL_FIELDS)
-ALWAYS_WRITTEN = ("particle_spacing", "particle_id")
-
-_INTEGER_FIELDS = {"phase": "<i4", "particle_id": "<i8"}
-_VTK_TYPES = {"<f4": "Float32", "<f8": "Float64", "<i4": "Int32", "<i8": "Int64"}
-_NUMPY_TYPES = {name: dtype for dtype, name in _VTK_TYPES.items()}
-_PARTIAL = ".partial"
-
-
-# ------------------------------------------------------------------------------------------------------------
-# Files that are whole or absent
-
-
-def write_failure(path: Path, error: OSError, needed: int = 0) -> OutputError:
-    """The OutputError that explains why `path` could not be written; `needed`: size of the file [bytes]."""
-    if error.errno in (errno.ENOSPC, errno.EDQUOT):
-        need = f", {needed / 1e6:.1f} MB needed" if needed else ""
-        return OutputError(f"{path}: the disk is full{need}; free some space or write less often")
-    return OutputError(f"{path}: cannot be written: {error.strerror or error}")
-
-
-@contextmanager
-def whole_file(path: Path, *, durable: bool = False, needed: int = 0) -> Iterator[Path]:
-    """Give a temporary path beside `path`, and rename it to `path` if the block ends without an error.
-
-    After an error the temporary file is gone and `path` is what it was before. `durable` also waits until
-    the data is on the disk, so that it survives a loss of power and not only of the process. Raises
-    OutputError for any OSError.
-    """
-    temporary = path.with_name(f".{path.name}{_PARTIAL}")
-    try:
-        try:
-            yield temporary
-            if durable:
-                _sync(temporary)
-            os.replace(temporary, path)
-            if durable:
-                _sync(path.parent)
-        except BaseException:
-            with suppress(OSError):
-                temporary.unlink(missing_ok=True)
-            raise
-    except OSError as error:
-        raise write_failure(path, error, needed) from error
-
-
-def _sync(path: Path) -> None:
-    descriptor = os.open(path, os.O_RDONLY)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)
-
-
-def write_text(path: Path, text: str, *, durable: bool = False) -> None:
-    """Write `text` to `path` in one go; raises OutputError."""
-    with whole_file(path, durable=durable) as temporary:
-        temporary.write_text(text, encoding="utf-8")
-
+from warpsph.files.vtp import DEFAULT_FIELDS, PARTICLE_FIELDS, read_vtp, three_components, write_vtp
+from warpsph.files.whole_files import PARTIAL, whole_file, write_failure, write_text
+from warpsph.snapshot import OPTIONAL_FIELDS, Snapshot
 
 # ------------------------------------------------------------------------------------------------------------
 # When outputs are due
@@ -139,192 +78,6 @@ class Schedule:
             self._index = max(self._index, int(time / self.interval) - 1, 0)
         while self.due(time):
             self._index += 1
-
-
-# ------------------------------------------------------------------------------------------------------------
-# VTK PolyData files, raw appended: an XML head that names types and offsets, then the arrays as they stand
-# in memory
-
-
-def write_vtp(
-    path: Path,
-    snapshot: Snapshot,
-    fields: Sequence[str] = DEFAULT_FIELDS,
-    precision: str = "float32",
-) -> int:
-    """Write particles as a binary VTK PolyData file with one vertex a particle; returns its size [bytes].
-
-    `fields` are names of PARTICLE_FIELDS; those that this snapshot does not have are left out.
-    `particle_spacing` and `particle_id` are always written. Vectors get three components, in 2-D with z =
-    0. `precision` is the type of all real numbers, positions included. Raises OutputError if the file
-    cannot be written, ValueError for unknown names.
-    """
-    if precision not in ("float32", "float64"):
-        raise ValueError(f"precision must be float32 or float64, not {precision!r}")
-    fields = [name for name in dict.fromkeys(fields) if name not in ALWAYS_WRITTEN]
-    unknown = [name for name in fields if name not in PARTICLE_FIELDS]
-    if unknown:
-        raise ValueError(f"unknown particle field {unknown[0]!r}; known are {', '.join(PARTICLE_FIELDS)}")
-    real = "<f4" if precision == "float32" else "<f8"
-    count = len(snapshot)
-    names = [name for name in fields if getattr(snapshot, name) is not None]
-
-    # Each array: name, VTK attributes, type, components, and how to make it. They are made one at a time
-    # while the file # is written, so that the writer holds one converted array and not a second copy of the
-    # whole state.
-    Maker = Callable[[], np.ndarray]
-    point_data: list[tuple[str, str, int, Maker]] = []
-    for name in names:
-        values = np.asarray(getattr(snapshot, name))
-        dtype = _INTEGER_FIELDS.get(name, real)
-        if values.ndim == 2:
-            point_data.append((name, dtype, 3, _make(_three_components, values, dtype)))
-        else:
-            point_data.append((name, dtype, 1, _make(np.asarray, values, dtype)))
-    point_data.append(("particle_spacing", real, 1, _make(np.full, count, snapshot.particle_spacing, real)))
-    point_data.append(("particle_id", "<i8", 1, _make(np.asarray, snapshot.particle_id, "<i8")))
-    points = [("Points", real, 3, _make(_three_components, snapshot.position, real))]
-    index = "<i4" if count < 2**31 - 1 else "<i8"
-    verts = [
-        ("connectivity", index, 1, _make(np.arange, 0, count, 1, index)),
-        ("offsets", index, 1, _make(np.arange, 1, count + 1, 1, index)),
-    ]
-    time = [("TimeValue", "<f8", 1, _make(np.full, 1, snapshot.time, "<f8"))]
-
-    makers: list[tuple[int, Maker]] = []
-    offset = 0
-
-    def declare(arrays: list[tuple[str, str, int, Maker]], rows: int, extra: str = "") -> list[str]:
-        nonlocal offset
-        lines = []
-        for name, dtype, components, make in arrays:
-            lines.append(
-                f'<DataArray type="{_VTK_TYPES[dtype]}" Name="{name}" NumberOfComponents="{components}"'
-                f'{extra} format="appended" offset="{offset}"/>'
-            )
-            size = rows * components * np.dtype(dtype).itemsize
-            makers.append((size, make))
-            offset += 8 + size
-        return lines
-
-    scalars = next((name for name in ("pressure", "density") if name in names), "particle_spacing")
-    vectors = ' Vectors="velocity"' if "velocity" in names else ""
-    head = "\n".join(
-        [
-            '<?xml version="1.0"?>',
-            '<VTKFile type="PolyData" version="1.0" byte_order="LittleEndian" header_type="UInt64">',
-            "<PolyData>",
-            "<FieldData>",
-            *declare(time, 1, ' NumberOfTuples="1"'),
-            "</FieldData>",
-            f'<Piece NumberOfPoints="{count}" NumberOfVerts="{count}" NumberOfLines="0" NumberOfStrips="0"'
-            ' NumberOfPolys="0">',
-            f'<PointData Scalars="{scalars}"{vectors}>',
-            *declare(point_data, count),
-            "</PointData>",
-            "<Points>",
-            *declare(points, count),
-            "</Points>",
-            "<Verts>",
-            *declare(verts, count),
-            "</Verts>",
-            "</Piece>",
-            "</PolyData>",
-            '<AppendedData encoding="raw">',
-            "_",
-        ]
-    ).encode()
-    tail = b"\n</AppendedData>\n</VTKFile>\n"
-    needed = len(head) + offset + len(tail)
-    with whole_file(path, needed=needed) as temporary, open(temporary, "wb") as file:
-        file.write(head)
-        for size, make in makers:
-            with np.errstate(over="ignore"):  # a runaway value becomes inf in float32
-                array = np.ascontiguousarray(make())
-            if array.nbytes != size:
-                raise ValueError(f"{path.name}: an array has {array.nbytes} bytes instead of {size}")
-            file.write(size.to_bytes(8, "little"))
-            file.write(array.data)
-        file.write(tail)
-    return needed
-
-
-def _make(function: Callable[..., np.ndarray], *arguments: Any) -> Callable[[], np.ndarray]:
-    return lambda: function(*arguments)
-
-
-def _three_components(values: np.ndarray, dtype: str) -> np.ndarray:
-    padded = np.zeros((len(values), 3), dtype)
-    padded[:, : values.shape[1]] = values
-    return padded
-
-
-def read_vtp(path: Path, dimension: int = 3) -> Snapshot:
-    """Read a particle file written by `write_vtp` (no other) without VTK.
-
-    `dimension` cuts vectors to their first components. A field that the file lacks is filled with NaN,
-    `phase` with -1; `volume` follows from mass and density if it was not written. Raises OutputError if the
-    file cannot be read.
-    """
-    try:
-        with open(path, "rb") as file:
-            head, arrays_start = _read_head(file)
-            root = xml.fromstring(head + b"\n</AppendedData></VTKFile>")
-            piece = root.find("PolyData/Piece")
-            if root.get("header_type") != "UInt64" or piece is None:
-                raise ValueError("it was not written by warpsph")
-            count = int(piece.attrib["NumberOfPoints"])
-            arrays: dict[str, np.ndarray] = {}
-            for element in root.iter("DataArray"):
-                file.seek(arrays_start + int(element.attrib["offset"]))
-                size = int.from_bytes(file.read(8), "little")
-                data = file.read(size)
-                if len(data) != size:
-                    raise ValueError("it ends too early")
-                array = np.frombuffer(data, _NUMPY_TYPES[element.attrib["type"]])
-                if element.attrib["NumberOfComponents"] == "3":
-                    array = array.reshape(-1, 3)[:, :dimension]
-                arrays[element.attrib["Name"]] = array
-            time, position, particle_id = arrays["TimeValue"][0], arrays["Points"], arrays["particle_id"]
-            spacing = arrays["particle_spacing"]
-    except (OSError, ValueError, KeyError, xml.ParseError) as error:
-        raise OutputError(f"{path}: cannot be read as a particle file: {error}") from error
-
-    def get(name: str, *shape: int) -> np.ndarray:
-        return arrays[name] if name in arrays else np.full((count, *shape), np.nan)
-
-    return Snapshot(
-        time=float(time),
-        step=0,
-        dt=0.0,
-        dimension=dimension,
-        position=position.astype(np.float64),
-        velocity=get("velocity", dimension),
-        density=get("density"),
-        pressure=get("pressure"),
-        mass=get("mass"),
-        volume=arrays["volume"] if "volume" in arrays else get("mass") / get("density"),
-        phase=arrays.get("phase", np.full(count, -1, np.int32)),
-        particle_id=particle_id,
-        kind=np.full(count, WALL if path.name.startswith("wall") else FLUID, np.uint8),
-        particle_spacing=float(spacing[0]) if count else 0.0,
-        normal=arrays.get("normal"),
-        curvature=arrays.get("curvature"),
-        acceleration=arrays.get("acceleration"),
-    )
-
-
-def _read_head(file: IO[bytes]) -> tuple[bytes, int]:
-    """The XML before the binary part, and where the latter starts in the file."""
-    head = b""
-    mark = b'<AppendedData encoding="raw">\n_'
-    while mark not in head:
-        chunk = file.read(4096)
-        if not chunk or len(head) > 1 << 20:
-            raise ValueError("it has no appended data")
-        head += chunk
-    end = head.index(mark) + len(mark)
-    return head[: end - 1], end
 
 
 # ------------------------------------------------------------------------------------------------------------
@@ -402,8 +155,8 @@ class RunFolder:
     """The folder of one run; it belongs to this object until `close`.
 
     `path` must not exist or be empty, unless `resume` is true. `case_text` goes to case.yaml; without it `write_case`
-    writes that file later. `fields` and `precision` are those of `write_vtp`. Raises OutputError if the folder holds
-    something, is in use or cannot be written.
+    writes that file later. `fields`, `precision` and `compress` are those of `write_vtp`. Raises OutputError if the
+    folder holds something, is in use or cannot be written.
     """
 
     def __init__(
@@ -414,6 +167,7 @@ class RunFolder:
         resume: bool = False,
         fields: Sequence[str] = DEFAULT_FIELDS,
         precision: str = "float32",
+        compress: bool = False,
     ) -> None:
         self.path = Path(path)
         self.particles = self.path / "particles"
@@ -425,6 +179,7 @@ class RunFolder:
         self.summary_path = self.path / "summary.json"
         self.fields = tuple(fields)
         self.precision = precision
+        self.compress = compress
         self._log_lock = threading.Lock()
         self._last_walls: np.ndarray | None = None
         self._missing: set[str] = set()
@@ -449,7 +204,7 @@ class RunFolder:
             self._take()
             for folder in (self.path, self.particles, self.gauges, self.checkpoints):
                 folder.mkdir(exist_ok=True)
-                for leftover in folder.glob(f".*{_PARTIAL}"):
+                for leftover in folder.glob(f".*{PARTIAL}"):
                     leftover.unlink()
             if resume:
                 for series in self.series.values():
@@ -536,13 +291,13 @@ class RunFolder:
                 )
         fluid, wall = snapshot.fluid, snapshot.wall
         self.series["fluid"].add(
-            snapshot.time, lambda path: write_vtp(path, fluid, self.fields, self.precision)
+            snapshot.time, lambda path: write_vtp(path, fluid, self.fields, self.precision, self.compress)
         )
         # as in the file, so that it can be compared with what a run before a restart has written
-        position = _three_components(wall.position, "<f4" if self.precision == "float32" else "<f8")
+        position = three_components(wall.position, "<f4" if self.precision == "float32" else "<f8")
         if len(wall) and not (self._last_walls is not None and np.array_equal(self._last_walls, position)):
             self.series["wall"].add(
-                snapshot.time, lambda path: write_vtp(path, wall, self.fields, self.precision)
+                snapshot.time, lambda path: write_vtp(path, wall, self.fields, self.precision, self.compress)
             )
             self._last_walls = position
 

@@ -320,15 +320,20 @@ def join_ends(segments: np.ndarray) -> np.ndarray:
 
 
 def _nearest(points: np.ndarray, owner: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Index of, and distance to, the nearest point of another owner; (n,) each, infinitely far if there is none."""
-    index, distance = np.zeros(len(points), np.int64), np.full(len(points), math.inf)
-    for start in range(0, len(points), 256):
-        rows = slice(start, start + 256)
-        apart = np.hypot(points[rows, None, 0] - points[:, 0], points[rows, None, 1] - points[:, 1])
-        apart[owner[rows, None] == owner] = math.inf
-        index[rows] = apart.argmin(axis=1)
-        distance[rows] = apart[np.arange(len(apart)), index[rows]]
-    return index, distance
+    """Index of, and distance to, the nearest point of another owner; (n,) each, infinitely far if there is none.
+
+    No owner has more than two points.
+    """
+    from scipy.spatial import cKDTree
+
+    if not len(points):
+        return np.zeros(0, np.int64), np.zeros(0)
+    # Of the three nearest one is of another owner, the point itself and its fellow being the other two.
+    distance, index = cKDTree(points).query(points, k=3)
+    index = np.minimum(index, len(points) - 1)  # one beyond the last stands for none, infinitely far
+    distance = np.where(owner[index] == owner[:, None], math.inf, distance)
+    first = np.argmin(distance, axis=1)[:, None]
+    return np.take_along_axis(index, first, axis=1)[:, 0], np.take_along_axis(distance, first, axis=1)[:, 0]
 
 
 def crossings_above(points: np.ndarray, segments: np.ndarray) -> np.ndarray:

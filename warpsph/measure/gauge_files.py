@@ -11,7 +11,7 @@ import numpy as np
 
 from warpsph.case.columns import Column
 from warpsph.errors import OutputError
-from warpsph.files.output import whole_file, write_failure
+from warpsph.files.whole_files import whole_file, write_failure
 
 
 def parse_heading(cell: str) -> tuple[str, str]:

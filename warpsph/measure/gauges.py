@@ -14,7 +14,8 @@
 | points, line | position and fields, one row for each point |
 
 What each looks at is in its `needs`.
-To add one: a class with `needs`, `columns` and `row` or `rows` (see `warpsph.measure.gauge`), and its name in GAUGES.
+To add one: a class with `needs` and `row` or `rows` (see `warpsph.measure.gauge`), its name in GAUGES, and its columns in
+`warpsph.case.columns`.
 
 The files start with a line of names and units, `time [s],kinetic [J/m]`; numbers are written with all their
 digits and each row is on its way to the disk before the next step is done. In 2-D every quantity is per
@@ -28,11 +29,12 @@ import math
 import operator
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 
-from warpsph.case.columns import Column
+from warpsph.case.columns import OWN_COLUMNS, Column
+from warpsph.case.gauge_models import REGISTERED, GaugeModel
 from warpsph.errors import CaseError, Problem, listed
 from warpsph.files.output import Schedule
 from warpsph.measure.gauge import Gauge, Needs
@@ -63,6 +65,32 @@ GAUGES: dict[str, type[Gauge]] = {
     "points": PointsGauge,
     "line": LineGauge,
 }
+
+
+def register(model: type[GaugeModel], kind: type[Gauge]) -> None:
+    """Add a type of gauge; cases that are loaded afterwards may use it.
+
+    Args:
+        model: its section of a case; `type` has a `Literal` of one name that is new.
+        kind: what measures it, made with (name, section, case).
+
+    Raises:
+        ValueError: there is a gauge of that type already, the model names no type, or the kind no columns.
+    """
+    names = get_args(model.model_fields["type"].annotation)
+    if len(names) != 1 or not isinstance(names[0], str):
+        raise ValueError(f"{model.__name__}.type: needs a Literal of one name")
+    if names[0] in GAUGES and REGISTERED.get(names[0]) is not model:
+        raise ValueError(f"there is a gauge of type {names[0]!r} already; choose another name")
+    if kind.columns is Gauge.columns:
+        raise ValueError(f"{kind.__name__}: needs columns")
+    GAUGES[names[0]], REGISTERED[names[0]] = kind, model
+    OWN_COLUMNS[names[0]] = lambda spec, case: kind(names[0], spec, case).columns
+
+
+def unregister(name: str) -> None:
+    """Forget a type of gauge that was added. Raises KeyError if none of that name was."""
+    del REGISTERED[name], GAUGES[name], OWN_COLUMNS[name]
 
 
 # ------------------------------------------------------------------------------------------------------------

@@ -30,13 +30,19 @@ def sample(
         box: period of each axis [m], 0 where it is not periodic.
         degree: of the polynomial that is fitted, 2 or 1.
     """
+    from scipy.spatial import cKDTree
+
     fluid = snapshot.fluid
+    fluid = fluid.select(np.isfinite(fluid.position).all(axis=1))
     points = np.asarray(points, dtype=float).reshape(-1, snapshot.dimension)
     columns = {name: _values(fluid, name) for name in fields}
     stacked = np.column_stack([value.reshape(len(fluid), -1) for value in columns.values()])
+    period = np.asarray(box, dtype=float)
+    tree = cKDTree(_into(fluid.position, period), boxsize=period, balanced_tree=False, compact_nodes=False)
+    near = tree.query_ball_point(_into(points, period), support, return_sorted=True)
     result = np.full((len(points), stacked.shape[1]), np.nan)
-    for k, point in enumerate(points):
-        result[k] = _at(point, fluid, stacked, support, box, degree)
+    for k, (point, rows) in enumerate(zip(points, near, strict=True)):
+        result[k] = _at(point, fluid, stacked, np.asarray(rows, dtype=np.int64), support, period, degree)
     out: dict[str, np.ndarray] = {}
     place = 0
     for name, value in columns.items():
@@ -56,22 +62,27 @@ def _values(fluid: Snapshot, name: str) -> np.ndarray:
     return np.asarray(value, dtype=float)
 
 
+def _into(position: np.ndarray, period: np.ndarray) -> np.ndarray:
+    """Positions (n, dimension) moved to between 0 and the period of each axis that has one [m]."""
+    wraps = period > 0
+    length = np.where(wraps, period, 1.0)
+    inside = np.mod(position, length)
+    inside[inside >= length] = 0.0  # what rounding takes to the period itself
+    return np.where(wraps, inside, position)
+
+
 def _at(
-    point: np.ndarray, fluid: Snapshot, values: np.ndarray, support: float, box: Sequence[float], degree: int
+    point: np.ndarray,
+    fluid: Snapshot,
+    values: np.ndarray,
+    rows: np.ndarray,
+    support: float,
+    period: np.ndarray,
+    degree: int,
 ) -> np.ndarray:
-    # axis by axis, so that most particles are dropped after one comparison
-    rows = np.arange(len(fluid))
-    offsets: list[np.ndarray] = []
-    for axis, period in enumerate(box):
-        d = fluid.position[rows, axis] - point[axis]
-        if period > 0:
-            d -= period * np.round(d / period)
-        near = np.abs(d) < support
-        rows = rows[near]
-        offsets = [offset[near] for offset in offsets] + [d[near]]
-    if not len(rows):
-        return np.full(values.shape[1], np.nan)
-    d = np.column_stack(offsets)
+    """The fields (columns of `values`) at a point, from the particles in `rows`, which are those within the support."""
+    d = fluid.position[rows] - point
+    d -= np.where(period > 0, period * np.round(d / np.where(period > 0, period, 1.0)), 0.0)
     q = np.linalg.norm(d, axis=1) / support
     inside = q < 1.0
     d, q, rows = d[inside], q[inside], rows[inside]

@@ -136,7 +136,7 @@ class Model:
         systems = self.scheme.systems(self.case, self.geometry, self.physics)
         declared = self.scheme.work
         level = Level(self.particles, self.launcher, clock, self._values(), self._list_keywords(), systems, declared)
-        return Stepper(self.scheme, [level], clock)
+        return Stepper(self.scheme, [level], clock, self.physics.choices)
 
     def _values(self) -> dict[str, Any]:
         """Return the run-time numbers by kernel argument name."""

@@ -46,6 +46,7 @@ def describe(case: CaseLike) -> dict[str, Any]:
     known |= {f"scales.{name}": value for name, value in physics.scales.items() if value > 0}  # 0: nothing is known
     known["start.arrangement"] = geometry.arrangement
     spec = physics.spec
+    program = case.scheme.program(spec, physics.choices)
     return {
         "resolved": case.resolved(known),
         "structure": {
@@ -57,9 +58,7 @@ def describe(case: CaseLike) -> dict[str, Any]:
             "fields": [field.name for field in case.scheme.fields() if field.exists(spec)],
         },
         "reasons": {**physics.reasons, "start.arrangement": geometry.arrangement_reason},
-        "stages": [
-            {"name": name, "reason": reason, "depth": depth} for depth, name, reason in lines(case.scheme.program(spec).step)
-        ],
+        "stages": [{"name": name, "reason": reason, "depth": depth} for depth, name, reason in lines(program.step)],
         "absent": [{"name": row.name, "reason": row.reason} for row in case.scheme.absent(spec)],
         "warnings": [*geometry.warnings, *physics.warnings],
     }

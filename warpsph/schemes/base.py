@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -74,8 +74,8 @@ class Scheme:
         """Return the declarations of all its particle fields."""
         raise NotImplementedError
 
-    def program(self, spec: Spec) -> Program:
-        """Return what runs for a structure."""
+    def program(self, spec: Spec, choices: Mapping[str, Any]) -> Program:
+        """Return what runs for a structure and the choices of its `Physics`."""
         raise NotImplementedError
 
     def absent(self, spec: Spec) -> list[Absent]:

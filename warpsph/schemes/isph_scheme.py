@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from warpsph.errors import Problem
@@ -65,7 +65,7 @@ class IsphScheme(Scheme):
 
         return ISPH_FIELDS
 
-    def program(self, spec: Spec) -> Program:
+    def program(self, spec: Spec, choices: Mapping[str, Any]) -> Program:
         """Return what runs, see `isph_program`."""
         from warpsph.schemes import isph_program
 

@@ -9,7 +9,7 @@ import importlib
 
 from warpsph.schemes.base import Scheme
 
-__all__ = ["DEFAULT", "find", "names", "register"]
+__all__ = ["DEFAULT", "find", "names", "register", "unregister"]
 
 DEFAULT = "riemann"
 """Scheme of a case that names none."""
@@ -30,6 +30,13 @@ def register(scheme: Scheme) -> None:
     if scheme.name in _BUILT_IN or _known.get(scheme.name, scheme) is not scheme:
         raise ValueError(f"there is a scheme {scheme.name!r} already; choose another name")
     _known[scheme.name] = scheme
+
+
+def unregister(name: str) -> None:
+    """Forget a scheme that was registered. Raises KeyError if there is none of that name, or it is one of the package."""
+    if name in _BUILT_IN:
+        raise KeyError(f"scheme {name!r} belongs to the package")
+    del _known[name]
 
 
 def find(name: str) -> Scheme:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from warpsph.errors import Problem
@@ -57,7 +57,7 @@ class RiemannScheme(Scheme):
 
         return RIEMANN_FIELDS
 
-    def program(self, spec: Spec) -> Program:
+    def program(self, spec: Spec, choices: Mapping[str, Any]) -> Program:
         """Return what runs, see `riemann_program`."""
         from warpsph.schemes import riemann_program
 

@@ -54,7 +54,8 @@ import numpy as np
 
 from warpsph.case.columns import column_formula
 from warpsph.errors import CaseError, ExpressionError, WarpsphError, listed, short
-from warpsph.files.output import Series, last_particles, read_vtp
+from warpsph.files.output import Series, last_particles
+from warpsph.files.vtp import read_vtp
 from warpsph.measure.contour import crossings_above, join_ends
 from warpsph.measure.gauge_files import read_gauge
 from warpsph.measure.gauges import GaugeSet, schedule_of

@@ -17,7 +17,7 @@ import numpy as np
 
 from warpsph.case.references import ReferenceInterface
 from warpsph.errors import CaseError, Problem
-from warpsph.files.output import whole_file
+from warpsph.files.whole_files import whole_file
 from warpsph.study import plot
 from warpsph.study.comparison import Compared, compared
 

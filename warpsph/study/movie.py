@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from warpsph.errors import CaseError, OutputError, Problem
-from warpsph.files.output import whole_file, write_failure
+from warpsph.files.whole_files import whole_file, write_failure
 from warpsph.study.plot import (
     WALL_COLOUR,
     ColourScale,

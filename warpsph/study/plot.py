@@ -13,7 +13,8 @@ import numpy as np
 from warpsph.case.case_file import read_yaml
 from warpsph.case.columns import FIELD_UNITS, VECTOR_FIELDS
 from warpsph.errors import CaseError, OutputError, Problem, listed
-from warpsph.files.output import Series, read_vtp
+from warpsph.files.output import Series
+from warpsph.files.vtp import read_vtp
 from warpsph.measure.gauge_files import read_gauge
 from warpsph.snapshot import Snapshot
 

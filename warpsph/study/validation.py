@@ -34,7 +34,8 @@ from warpsph.case.plain import set_path
 from warpsph.case.validation_runs import VALIDATION_LEVELS, ValidationRun
 from warpsph.case.values import suggestion
 from warpsph.errors import CaseError, DivergenceError, Interrupted, OutputError, Problem, WarpsphError
-from warpsph.files.output import json_text, write_failure, write_text
+from warpsph.files.output import json_text
+from warpsph.files.whole_files import write_failure, write_text
 from warpsph.study import figures
 
 if TYPE_CHECKING:
