@@ -1,4 +1,4 @@
-"""`python -m warpsph`: the command line of cli.py."""
+"""`python -m warpsph`: the command line."""
 
 from warpsph.cli import main
 

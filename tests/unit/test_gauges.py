@@ -10,11 +10,11 @@ import pytest
 from tests.scenes import FULL, case_of
 from warpsph import Simulation
 from warpsph.case.case import Case
+from warpsph.case.columns import wall_bodies
 from warpsph.errors import CaseError, OutputError, WarpsphError
 from warpsph.measure.gauge import Needs
 from warpsph.measure.gauge_files import parse_heading, read_gauge
 from warpsph.measure.gauges import GaugeSet
-from warpsph.measure.phase_gauges import wall_bodies
 from warpsph.measure.shape_gauges import isolated, outline
 from warpsph.measure.sums import Energies, PhaseEos, Pressures
 from warpsph.snapshot import FLUID, WALL, Snapshot

@@ -15,6 +15,7 @@ from tests.isph_scenes import TANK
 from tests.scenes import FULL, PERIODIC, case_of
 from warpsph import cli
 from warpsph.case.case_file import load_case, save_case
+from warpsph.engine import free_memory
 from warpsph.errors import CapacityError
 from warpsph.running import memory, model, preview
 from warpsph.running.model import Model
@@ -119,7 +120,7 @@ def never(*_arguments, **_options):
 
 def test_check_of_a_scene_that_does_not_fit(tmp_path, monkeypatch):
     """It answers at once, from arithmetic, with its estimate and with what would fit."""
-    monkeypatch.setattr(memory, "host_free", lambda: 16_000_000_000)
+    monkeypatch.setattr(free_memory, "host_free", lambda: 16_000_000_000)
     monkeypatch.setattr(preview, "build", never)
     save_case(case_of(HUGE), tmp_path / "huge.yaml")
     begin = time.perf_counter()
@@ -136,7 +137,7 @@ def test_check_of_a_scene_that_does_not_fit(tmp_path, monkeypatch):
 
 
 def test_run_and_show_build_nothing_that_does_not_fit(tmp_path, monkeypatch):
-    monkeypatch.setattr(memory, "host_free", lambda: 16_000_000_000)
+    monkeypatch.setattr(free_memory, "host_free", lambda: 16_000_000_000)
     monkeypatch.setattr(preview, "build", never)
     monkeypatch.setattr(model, "build", never)
     save_case(case_of(HUGE), tmp_path / "huge.yaml")
@@ -156,7 +157,7 @@ def test_the_spacing_that_is_named_fits(scene, place, monkeypatch):
     if place == "cuda":
         device = SimpleNamespace(is_cpu=False, free_memory=8_000_000)
     else:
-        monkeypatch.setattr(memory, "host_free", lambda: 2_000_000)
+        monkeypatch.setattr(free_memory, "host_free", lambda: 2_000_000)
     error = memory.shortage(case, device)
     assert isinstance(error, CapacityError) and error.exit_code == 5
     spacing = float(re.search(r"a particle_spacing of (\S+) would fit", str(error)).group(1))
@@ -173,7 +174,7 @@ def test_a_cpu_run_that_does_not_fit(monkeypatch):
     case = case_of(BOX)
     found = memory.count(case, support_radius(case))
     free = memory.running_on_host(case, found) + memory.expected_on_device(case, found) // 2
-    monkeypatch.setattr(memory, "host_free", lambda: free)
+    monkeypatch.setattr(free_memory, "host_free", lambda: free)
     with pytest.raises(CapacityError, match="their run takes"):
         Model(case, threads=1)
     estimate = preview.estimate(case)
@@ -182,7 +183,7 @@ def test_a_cpu_run_that_does_not_fit(monkeypatch):
 
 
 def test_more_particles_than_can_be_numbered(monkeypatch):
-    monkeypatch.setattr(memory, "host_free", lambda: 10**15)
+    monkeypatch.setattr(free_memory, "host_free", lambda: 10**15)
     error = memory.shortage(case_of(HUGE))
     assert "more than the 536870911 that a run can number" in str(error)
     assert "would fit" in str(error)
@@ -203,9 +204,9 @@ def test_what_a_control_group_leaves(tmp_path):
     (old / "memory.stat").write_text("cache 700\ntotal_inactive_file 600\n")
     groups = tmp_path / "groups"
     groups.write_text("4:memory:/job\n3:cpu:/x\n0::/box/job\n")
-    assert sorted(memory._group_limits(tmp_path, groups)) == [1100, 4000]
-    assert memory._group_limits(tmp_path, tmp_path / "nothing") == []
-    free = memory.host_free()
+    assert sorted(free_memory._group_limits(tmp_path, groups)) == [1100, 4000]
+    assert free_memory._group_limits(tmp_path, tmp_path / "nothing") == []
+    free = free_memory.host_free()
     assert free is None or free > 10**6
 
 
@@ -219,7 +220,7 @@ def test_the_largest_scene_of_the_benchmark_fits_a_large_gpu(monkeypatch):
     spec = importlib.util.spec_from_file_location("bench_speed", ROOT / "scripts" / "bench_speed.py")
     bench = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(bench)
-    monkeypatch.setattr(memory, "host_free", lambda: 100_000_000_000)
+    monkeypatch.setattr(free_memory, "host_free", lambda: 100_000_000_000)
     for name in ("box 32M", "box 32M default"):
         case = Case.from_dict(bench.SCENES[name][0]())
         found = memory.count(case, support_radius(case))

@@ -292,8 +292,8 @@ def test_a_list_that_does_not_fit_the_memory(device, monkeypatch):
         raise RuntimeError("Failed to allocate")
 
     monkeypatch.setattr(wp, "empty", full)
-    monkeypatch.setattr("warpsph.running.memory.host_free", lambda: 1000)
-    monkeypatch.setattr("warpsph.running.memory.device_free", lambda _device: 1000)
+    monkeypatch.setattr("warpsph.engine.free_memory.host_free", lambda: 1000)
+    monkeypatch.setattr("warpsph.engine.free_memory.device_free", lambda _device: 1000)
     with pytest.raises(CapacityError) as caught:
         bench.list.resize(80)
     text = str(caught.value)

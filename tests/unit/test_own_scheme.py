@@ -13,6 +13,7 @@ from pydantic import Field as Key
 
 from warpsph import Simulation
 from warpsph.case.case import Case
+from warpsph.case.columns import Column
 from warpsph.case.gauge_models import GaugeModel
 from warpsph.case.numerics import NumericsBase
 from warpsph.engine import integrators
@@ -25,7 +26,7 @@ from warpsph.kernels.core.smoothing import make_smoothing
 from warpsph.kernels.core.spec import Spec, types_of
 from warpsph.kernels.core.updates import make_watch
 from warpsph.measure import gauges
-from warpsph.measure.gauge import Column, Gauge, Needs
+from warpsph.measure.gauge import Gauge, Needs
 from warpsph.scene.physics import Physics, smoothing_ratio, support_radius
 from warpsph.schemes import registry
 from warpsph.schemes.base import Scheme

@@ -307,7 +307,7 @@ def test_ctrl_c_keeps_what_is_done_and_continue_does_the_rest(cases, command, mo
         return progress(run, number, count)
 
     progress = validate_command._validation_progress
-    monkeypatch.setattr(cli, "_validation_progress", interrupt_second)
+    monkeypatch.setattr(validate_command, "_validation_progress", interrupt_second)
     options = ("--cases", cases, "--no-figures", "--threads", 1, "--output", "out")
     code, out, _ = command("validate", "vortices", *options)
     assert code == 130 and "1 runs" in out and "(interrupted)" in out

@@ -4,8 +4,8 @@ A case is a tree of pydantic models whose attributes mirror the keys of the YAML
 `warpsph.case.case_file.load_case`, which reads YAML) is the only door; it gathers every problem of the input and
 raises one CaseError with all of them. Checking happens in two layers:
 
-1. the fields, here: type, range, spelling. Each field's description states its unit and meaning;
-2. the checks between fields, in case_checks.py. They also run on whatever part of a faulty case could be
+1. the fields, in a file a section: type, range, spelling. Each field's description states its unit and meaning;
+2. the checks between fields, in checks.py. They also run on whatever part of a faulty case could be
    read, so that one look shows all that is wrong.
 
 Numbers may be written as arithmetic text ("2/52"). A key whose value is `auto` is chosen later.

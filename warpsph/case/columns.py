@@ -14,7 +14,16 @@ from typing import Any
 from warpsph.case.domain import AXES
 from warpsph.case.expressions import Expression, compile_expression
 
-__all__ = ["FIELD_UNITS", "VECTOR_FIELDS", "Column", "column_formula", "column_names", "columns_of", "wall_bodies"]
+__all__ = [
+    "FIELD_UNITS",
+    "OWN_COLUMNS",
+    "VECTOR_FIELDS",
+    "Column",
+    "column_formula",
+    "column_names",
+    "columns_of",
+    "wall_bodies",
+]
 
 FIELD_UNITS = {
     "velocity": "m/s",
@@ -42,12 +51,18 @@ class Column:
         return f"{self.name} [{self.unit}]"
 
 
+OWN_COLUMNS: dict[str, Callable[[Any, Any], list[Column]]] = {}
+"""columns of gauges that a program has added, from gauge and case, see `warpsph.measure.gauges.register`"""
+
+
 def columns_of(spec: Any, case: Any) -> list[Column]:
     """Names and units of the columns after the time that a gauge has in a run.
 
     spec: the gauge in the case; case: the case, or what could be read of a faulty one.
     """
-    return _COLUMNS[spec.type](spec, case, list(case.phases), AXES[: case.dimension])
+    if spec.type in OWN_COLUMNS:
+        return OWN_COLUMNS[spec.type](spec, case)
+    return _COLUMNS[spec.type](spec, case, list(case.phase_names), AXES[: case.dimension])
 
 
 def column_names(name: str, spec: Any, case: Any) -> list[str]:
@@ -139,7 +154,7 @@ def _contour(spec: Any, case: Any, phases: _Names, axes: _Names) -> list[Column]
         units = {"perimeter": "m", "circularity": "1", "filling": "1"}
         result += [Column(f"{name} {phase}", unit) for name, unit in units.items()]
         result += [Column(f"{end}_{axis} {phase}", "m") for end in ("lowest", "highest") for axis in axes]
-        result += [] if spec.mirror is None else [Column(f"asymmetry {phase}", "m")]
+        result += [] if getattr(spec, "mirror", None) is None else [Column(f"asymmetry {phase}", "m")]
     return result
 
 

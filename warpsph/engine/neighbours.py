@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from warpsph.engine import free_memory
 from warpsph.engine.launch import Bindings, Launcher, Task
 from warpsph.engine.population import Population
 from warpsph.errors import CapacityError
@@ -193,12 +194,10 @@ class NeighbourList:
 
     def _too_large(self, width: int, reason: str) -> str:
         """Return the message for a list of so many entries a particle that the memory does not hold, with a way out."""
-        from warpsph.running.memory import device_free, host_free
-
         n, device = self.particles.capacity, self.particles.device
         need = 4 * width * n
         text = f"neighbour list: {n} particles with room for {width} neighbours each need {need} bytes on {device}"
-        free = host_free() if device.is_cpu else device_free(device)
+        free = free_memory.host_free() if device.is_cpu else free_memory.device_free(device)
         if free is None or not 0 < free < need:
             return f"{text}, which are not free ({reason}); make particle_spacing larger"
         larger = math.ceil(100 * (need / free) ** (1 / self.spec.dimension)) / 100

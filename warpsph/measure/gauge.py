@@ -8,22 +8,12 @@ from typing import Any
 
 import numpy as np
 
+from warpsph.case.columns import Column, columns_of
 from warpsph.errors import WarpsphError
 from warpsph.measure.sums import PhaseSums, Scene
 from warpsph.snapshot import Snapshot
 
 AXES = ("x", "y", "z")
-
-
-@dataclass(frozen=True)
-class Column:
-    """Name and unit of one column of a gauge."""
-
-    name: str
-    unit: str
-
-    def __str__(self) -> str:
-        return f"{self.name} [{self.unit}]"
 
 
 @dataclass(frozen=True)
@@ -67,6 +57,7 @@ class Gauge:
     def __init__(self, name: str, spec: Any, case: Any) -> None:
         self.name = name
         self.spec = spec
+        self.case = case
         self.scene = Scene(case)
         self.dimension: int = case.dimension
         self.phase_names: list[str] = list(case.phase_names)
@@ -82,7 +73,7 @@ class Gauge:
     @property
     def columns(self) -> list[Column]:
         """Names and units of the columns after the time."""
-        raise NotImplementedError
+        return columns_of(self.spec, self.case)
 
     def row(self, snapshot: Snapshot) -> list[float]:
         """One number for each column."""

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
+from warpsph.case.columns import Column
 from warpsph.errors import OutputError
 from warpsph.files.whole_files import whole_file, write_failure
-from warpsph.measure.gauge import Column
 
 
 def parse_heading(cell: str) -> tuple[str, str]:

@@ -14,7 +14,8 @@
 | points, line | position and fields, one row for each point |
 
 What each looks at is in its `needs`.
-To add one: a class with `needs`, `columns` and `row` or `rows` (see `warpsph.measure.gauge`), and its name in GAUGES.
+To add one: a class with `needs` and `row` or `rows` (see `warpsph.measure.gauge`), its name in GAUGES, and its columns in
+`warpsph.case.columns`.
 
 The files start with a line of names and units, `time [s],kinetic [J/m]`; numbers are written with all their
 digits and each row is on its way to the disk before the next step is done. In 2-D every quantity is per
@@ -26,18 +27,17 @@ from __future__ import annotations
 import functools
 import math
 import operator
-import re
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, get_args
 
 import numpy as np
 
-from warpsph.case.expressions import Expression, compile_expression
+from warpsph.case.columns import OWN_COLUMNS, Column
 from warpsph.case.gauge_models import REGISTERED, GaugeModel
 from warpsph.errors import CaseError, Problem, listed
 from warpsph.files.output import Schedule
-from warpsph.measure.gauge import Column, Gauge, Needs
+from warpsph.measure.gauge import Gauge, Needs
 from warpsph.measure.gauge_files import GaugeFile
 from warpsph.measure.phase_gauges import (
     EnergyGauge,
@@ -75,46 +75,22 @@ def register(model: type[GaugeModel], kind: type[Gauge]) -> None:
         kind: what measures it, made with (name, section, case).
 
     Raises:
-        ValueError: there is a gauge of that type already, or the model names no type.
+        ValueError: there is a gauge of that type already, the model names no type, or the kind no columns.
     """
     names = get_args(model.model_fields["type"].annotation)
     if len(names) != 1 or not isinstance(names[0], str):
         raise ValueError(f"{model.__name__}.type: needs a Literal of one name")
     if names[0] in GAUGES and REGISTERED.get(names[0]) is not model:
         raise ValueError(f"there is a gauge of type {names[0]!r} already; choose another name")
+    if kind.columns is Gauge.columns:
+        raise ValueError(f"{kind.__name__}: needs columns")
     GAUGES[names[0]], REGISTERED[names[0]] = kind, model
+    OWN_COLUMNS[names[0]] = lambda spec, case: kind(names[0], spec, case).columns
 
 
 def unregister(name: str) -> None:
     """Forget a type of gauge that was added. Raises KeyError if none of that name was."""
-    del REGISTERED[name], GAUGES[name]
-
-
-def column_names(name: str, spec: Any, case: Any) -> list[str]:
-    """Names of the columns that a gauge of a case will have in a run, the time first."""
-    kind = GAUGES[spec.type]
-    # A run gives the energy gauge equations of state; that there are some is all that its columns depend on.
-    some = dict.fromkeys(case.phase_names, PhaseEos(1.0, 1.0, 1.0))
-    gauge = EnergyGauge(name, spec, case, some) if kind is EnergyGauge else kind(name, spec, case)
-    return ["time", *(column.name for column in gauge.columns)]
-
-
-def column_formula(names: Iterable[str], text: str) -> tuple[Expression, dict[str, str]]:
-    """Arithmetic of columns such as `2 * kinetic` or `highest_x gas - lowest_x gas`.
-
-    Returns the expression and the column that each of its names stands for. Raises ExpressionError.
-    """
-    names = list(names)
-    called = {name: name for name in names if name.isidentifier()}
-    formula = text
-    # A name of several words gets one word as a stand-in, the longest first, since `kinetic gas` may be part of another.
-    # `gas - liquid` is none of them: as arithmetic it means the same.
-    several = [name for name in names if " " in name and all(word.isidentifier() for word in name.split(" "))]
-    for place, name in enumerate(sorted(several, key=len, reverse=True)):
-        formula, count = re.subn(rf"(?<!\w){re.escape(name)}(?!\w)", f"column_{place}", formula)
-        if count:
-            called[f"column_{place}"] = name
-    return compile_expression(formula, names=list(called)), called
+    del REGISTERED[name], GAUGES[name], OWN_COLUMNS[name]
 
 
 # ------------------------------------------------------------------------------------------------------------

@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from warpsph.measure.gauge import AXES, Column, Gauge, Needs
+from warpsph.case.columns import Column, wall_bodies
+from warpsph.measure.gauge import Gauge, Needs
 from warpsph.measure.interface_area import interface_areas
 from warpsph.measure.sums import Energies, Motion, PhaseEos, Pressures, Scene, mean_over, sums_of
 from warpsph.snapshot import Snapshot
@@ -34,12 +35,8 @@ class EnergyGauge(Gauge):
 
     @property
     def columns(self) -> list[Column]:
-        unit = self.unit("J", "J/m")
-        parts = [*(["elastic"] if self.scene.eos else []), *(["surface"] if self.tensions else [])]
-        names = ["kinetic", "potential", *parts, "total"]
-        for phase in self.phase_names:
-            names += [f"kinetic {phase}", f"total {phase}"]
-        return [Column(name, unit) for name in names]
+        """Names and units of the columns after the time; without `elastic` where the equations of state are not known."""
+        return [column for column in super().columns if self.scene.eos or column.name != "elastic"]
 
     def row(self, snapshot: Snapshot) -> list[float]:
         energies = sums_of(snapshot, Energies, self.scene)
@@ -72,17 +69,6 @@ class MomentumGauge(Gauge):
 
     needs = Needs.of(Motion)
 
-    @property
-    def columns(self) -> list[Column]:
-        linear, angular = self.unit("kg m/s", "kg/s"), self.unit("kg m^2/s", "kg m/s")
-        spins = AXES if self.dimension == 3 else ("z",)
-        return [
-            *(Column(f"momentum_{axis}", linear) for axis in self.axes),
-            *(Column(f"angular_{axis}", angular) for axis in spins),
-            Column("scale", linear),
-            Column("max_speed", "m/s"),
-        ]
-
     def row(self, snapshot: Snapshot) -> list[float]:
         motion = sums_of(snapshot, Motion, self.scene)
         spin = motion.spin.sum(axis=0)
@@ -101,11 +87,6 @@ class PhasePressureGauge(Gauge):
 
     needs = Needs.of(Pressures)
 
-    @property
-    def columns(self) -> list[Column]:
-        pairs = [f"{first} - {second}" for first, second in combinations(self.phase_names, 2)]
-        return [Column(name, "Pa") for name in [*self.phase_names, *pairs, "max", "min"]]
-
     def row(self, snapshot: Snapshot) -> list[float]:
         found = sums_of(snapshot, Pressures, self.scene)
         differences = [first - second for first, second in combinations(found.mean, 2)]
@@ -120,11 +101,6 @@ class PhaseVelocityGauge(Gauge):
 
     needs = Needs.of(Motion)
 
-    @property
-    def columns(self) -> list[Column]:
-        names = (*(f"velocity_{axis}" for axis in self.axes), "max_speed")
-        return [Column(f"{name} {phase}", "m/s") for phase in self.phase_names for name in names]
-
     def row(self, snapshot: Snapshot) -> list[float]:
         motion = sums_of(snapshot, Motion, self.scene)
         mean = mean_over(motion.volume, motion.flow)
@@ -136,23 +112,8 @@ class InterfaceLengthGauge(Gauge):
 
     needs = Needs.of(extra=("interface_length",))
 
-    @property
-    def columns(self) -> list[Column]:
-        return [Column("interface_length", self.unit("m^2", "m"))]
-
     def row(self, snapshot: Snapshot) -> list[float]:
         return [self.extra(snapshot, "interface_length")]
-
-
-def wall_bodies(case: Any) -> list[str]:
-    """Names of the solid bodies of a case, as in `wall_force_x <body>`: `domain` if it has walls, then the
-    obstacles.
-
-    An obstacle without a name is called obstacle_1, obstacle_2 ... by its place in the list.
-    """
-    names = [obstacle.name or f"obstacle_{place}" for place, obstacle in enumerate(case.obstacles, 1)]
-    at_domain = any("wall" in (axis.lower.kind, axis.upper.kind) for axis in case.sides)
-    return (["domain"] if at_domain else []) + names
 
 
 class WallForceGauge(Gauge):
@@ -163,14 +124,6 @@ class WallForceGauge(Gauge):
     def __init__(self, name: str, spec: Any, case: Any) -> None:
         super().__init__(name, spec, case)
         self.bodies = wall_bodies(case)
-
-    @property
-    def columns(self) -> list[Column]:
-        unit = self.unit("N", "N/m")
-        return [
-            *(Column(f"force_{axis}", unit) for axis in self.axes),
-            *(Column(f"force_{axis} {body}", unit) for body in self.bodies for axis in self.axes),
-        ]
 
     def row(self, snapshot: Snapshot) -> list[float]:
         forces = np.array(

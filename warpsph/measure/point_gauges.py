@@ -7,23 +7,11 @@ from typing import Any
 
 import numpy as np
 
+from warpsph.case.columns import VECTOR_FIELDS
 from warpsph.case.sensors import face_spots, wall_normal
 from warpsph.errors import WarpsphError
-from warpsph.measure.gauge import Column, Gauge, Needs
+from warpsph.measure.gauge import Gauge, Needs
 from warpsph.snapshot import Snapshot
-
-# Fields that can be sampled, and their units.
-FIELD_UNITS = {
-    "velocity": "m/s",
-    "acceleration": "m/s^2",
-    "density": "kg/m^3",
-    "pressure": "Pa",
-    "volume": "m^3",
-    "phase": "1",
-    "curvature": "1/m",
-    "normal": "1",
-}
-VECTOR_FIELDS = ("velocity", "acceleration", "normal")
 
 
 class PointsGauge(Gauge):
@@ -43,7 +31,6 @@ class PointsGauge(Gauge):
 
     def __init__(self, name: str, spec: Any, case: Any) -> None:
         super().__init__(name, spec, case)
-        self.case = case
         self.fields: list[str] = list(spec.fields)
         self.needs = Needs.of(samples=self.fields)
         self.degree = 2 if getattr(spec, "area", None) is None else 1
@@ -64,17 +51,6 @@ class PointsGauge(Gauge):
     def points(self) -> np.ndarray:
         """The points, (points, dimension), m."""
         return np.asarray(self.spec.points, np.float64).reshape(-1, self.dimension)
-
-    @property
-    def columns(self) -> list[Column]:
-        result = [Column(axis, "m") for axis in self.axes]
-        for name in self.fields:
-            unit = self.unit("m^3", "m^2") if name == "volume" else FIELD_UNITS[name]
-            if name in VECTOR_FIELDS:
-                result += [Column(f"{name}_{axis}", unit) for axis in self.axes]
-            else:
-                result.append(Column(name, unit))
-        return result
 
     def rows(self, snapshot: Snapshot) -> np.ndarray:
         samples = snapshot.samples.get(self.name, {})

@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from warpsph.measure.contour import contour, shares_of_phases
-from warpsph.measure.gauge import AXES, Column, Gauge, Needs
+from warpsph.measure.gauge import AXES, Gauge, Needs
 from warpsph.measure.sums import Places, sums_of
 from warpsph.snapshot import Snapshot
 
@@ -38,21 +38,6 @@ class ExtentsGauge(Gauge):
         super().__init__(name, spec, case)
         # The outline is made of places of particles, everything else of sums.
         self.needs = Needs.of(Places, fields=("position",) if self.dimension == 2 else ())
-
-    @property
-    def columns(self) -> list[Column]:
-        result = []
-        for phase in self.phase_names:
-            for quantity in ("lowest", "highest", "centroid"):
-                result += [Column(f"{quantity}_{axis} {phase}", "m") for axis in self.axes]
-            result.append(Column(f"front {phase}", "m"))
-            if self.dimension == 2:
-                result.append(Column(f"area {phase}", "m^2"))
-                result += [Column(f"circularity {phase}", "1"), Column(f"roundness {phase}", "1")]
-            else:
-                result.append(Column(f"volume {phase}", "m^3"))
-            result += [Column(f"semi_axis_{axis} {phase}", "m") for axis in self.axes]
-        return result
 
     def row(self, snapshot: Snapshot) -> list[float]:
         places = sums_of(snapshot, Places, self.scene)
@@ -172,16 +157,6 @@ class ContourGauge(Gauge):
         mirror = getattr(spec, "mirror", None)
         self.mirror = None if mirror is None else AXES.index(mirror)
 
-    @property
-    def columns(self) -> list[Column]:
-        result = []
-        for phase in self.phase_names:
-            units = {"perimeter": "m", "circularity": "1", "filling": "1"}
-            result += [Column(f"{name} {phase}", unit) for name, unit in units.items()]
-            result += [Column(f"{end}_{axis} {phase}", "m") for end in ("lowest", "highest") for axis in self.axes]
-            result += [] if self.mirror is None else [Column(f"asymmetry {phase}", "m")]
-        return result
-
     def row(self, snapshot: Snapshot) -> list[float]:
         count = len(self.phase_names)
         fluid = snapshot.phase >= 0
@@ -211,10 +186,6 @@ class StraysGauge(Gauge):
     reach: ClassVar[float] = 2.0
     """in particle spacings"""
     company: ClassVar[int] = 3
-
-    @property
-    def columns(self) -> list[Column]:
-        return [Column(phase, "1") for phase in self.phase_names]
 
     def row(self, snapshot: Snapshot) -> list[float]:
         # A particle that the lattice put exactly two spacings away counts, rounded or not.

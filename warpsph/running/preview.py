@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from warpsph.case.case_file import as_case
+from warpsph.engine import free_memory
 from warpsph.engine.program import lines
 from warpsph.running import memory
 from warpsph.scene.geometry import build
@@ -88,7 +89,7 @@ def estimate(case: CaseLike) -> dict[str, Any]:
     fluid, walls = geometry.fluid_count, geometry.wall_count
     taken = memory.on_device(case, spec, fluid, walls, physics.support, skin, geometry.lattice)
     warnings = [*geometry.warnings, *physics.warnings]
-    free, host = memory.host_free(), memory.running_on_host(case, found)
+    free, host = free_memory.host_free(), memory.running_on_host(case, found)
     if free is not None and host + taken > free:
         warnings.append(
             f"memory: a run on the CPU takes {(host + taken) / 1e9:.3g} GB, but {free / 1e9:.3g} GB are free here; it needs "

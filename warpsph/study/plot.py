@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from warpsph.case.case_file import read_yaml
+from warpsph.case.columns import FIELD_UNITS, VECTOR_FIELDS
 from warpsph.errors import CaseError, OutputError, Problem
 from warpsph.files.output import Series
 from warpsph.files.vtp import read_vtp
 from warpsph.measure.gauge_files import read_gauge
-from warpsph.measure.point_gauges import FIELD_UNITS, VECTOR_FIELDS
 from warpsph.snapshot import Snapshot
 from warpsph.study.raster import owners
 

@@ -8,11 +8,12 @@ from typing import Any
 
 import numpy as np
 
+from warpsph.case.columns import column_formula
 from warpsph.errors import ExpressionError, listed, short
 from warpsph.files.output import Series, last_particles
 from warpsph.files.vtp import read_vtp
 from warpsph.measure.gauge_files import read_gauge
-from warpsph.measure.gauges import GaugeSet, column_formula
+from warpsph.measure.gauges import GaugeSet
 from warpsph.snapshot import Snapshot
 from warpsph.study.norms import NotComparable
 

@@ -1,0 +1,73 @@
+"""The columns of gauges: known from the case, and those that a gauge has."""
+
+import pytest
+
+from tests.scenes import FULL, case_of
+from warpsph.case.case import Case
+from warpsph.case.columns import Column, column_names, columns_of
+from warpsph.case.gauge_models import GAUGES
+from warpsph.measure import gauges
+
+BLOCK = {
+    "dimension": 3,
+    "particle_spacing": 0.1,
+    "end_time": 1.0,
+    "domain": {"lower": [0, 0, 0], "upper": [1, 1, 1], "boundary": {axis: "wall" for axis in "xyz"}},
+    "phases": {"water": {"density": 1000}, "oil": {"density": 900}},
+    "fluids": [
+        {"phase": "water", "shape": {"box": {"lower": [0, 0, 0], "upper": [1, 1, 0.5]}}},
+        {"phase": "oil", "shape": "rest"},
+    ],
+    "obstacles": [{"shape": {"sphere": {"center": [0.5, 0.5, 0.5], "radius": 0.2}}}],
+}
+FIELDS = ["velocity", "pressure", "volume"]
+WHERE = {
+    "points": {"points": [[0.1] * 3], "fields": FIELDS},
+    "line": {"from": [0.1] * 3, "to": [0.9] * 3, "count": 3, "fields": FIELDS},
+}
+SAMPLED = "x y z velocity_x velocity_y velocity_z pressure volume"
+# type of gauge -> its columns and their units, in 3-D
+EXPECTED = {
+    "energy": ("kinetic|potential|elastic|total|kinetic water|total water|kinetic oil|total oil", {"J"}),
+    "momentum": (
+        "momentum_x|momentum_y|momentum_z|angular_x|angular_y|angular_z|scale|max_speed", {"kg m/s", "kg m^2/s", "m/s"}
+    ),
+    "phase_pressure": ("water|oil|water - oil|max|min", {"Pa"}),
+    "interface_length": ("interface_length", {"m^2"}),
+    "phase_velocity": (
+        "|".join(f"{name} {phase}" for phase in ("water", "oil") for name in (*SAMPLED.split()[3:6], "max_speed")), {"m/s"}
+    ),
+    "strays": ("water|oil", {"1"}),
+    "wall_force": (
+        "|".join(f"force_{axis}{body}" for body in ("", " domain", " obstacle_1") for axis in "xyz"), {"N"}
+    ),
+    "points": (SAMPLED.replace(" ", "|"), {"m", "m/s", "Pa", "m^3"}),
+    "line": (SAMPLED.replace(" ", "|"), {"m", "m/s", "Pa", "m^3"}),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", EXPECTED)
+def test_the_case_knows_the_columns(kind):
+    case = Case.from_dict({**BLOCK, "gauges": {"g": {"type": kind, "interval": 0.1, **WHERE.get(kind, {})}}})
+    found = columns_of(case.gauges["g"], case)
+    assert "|".join(column.name for column in found) == EXPECTED[kind][0]
+    assert {column.unit for column in found} == EXPECTED[kind][1]
+    assert column_names("g", case.gauges["g"], case) == ["time", *EXPECTED[kind][0].split("|")]
+
+
+def test_each_type_of_gauge_has_a_model_columns_and_a_measurement():
+    assert set(GAUGES) == set(gauges.GAUGES)
+    written = {kind: {"type": kind, "interval": 0.1, **WHERE.get(kind, {})} for kind in GAUGES}
+    written["points"] |= {"points": [[0.1] * 2]}
+    written["line"] |= {"from": [0.1] * 2, "to": [0.9] * 2}
+    case = case_of(FULL, gauges=written, reference={})
+    for kind, spec in case.gauges.items():
+        made = gauges.GAUGES[kind](kind, spec, case)
+        left_out = {Column("elastic", "J/m")} if kind == "energy" else set()  # the sound speeds are chosen by the run
+        assert made.columns == [column for column in columns_of(spec, case) if column not in left_out]
+
+
+def test_a_mirror_adds_a_column():
+    case = case_of(FULL, gauges={"g": {"type": "contour", "interval": 0.1, "mirror": "x"}}, reference={})
+    names = column_names("g", case.gauges["g"], case)
+    assert [name for name in names if name.startswith("asymmetry")] == [f"asymmetry {phase}" for phase in case.phase_names]
