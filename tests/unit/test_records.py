@@ -125,7 +125,7 @@ def test_a_record_is_stale_after_a_change_of_its_numerics(checkout, capsys):
         ({"warpsph/schemes/isph_physics.py": SOURCE}, {"isph"}),
         ({"warpsph/scene/packing.py": SOURCE}, {"riemann", "isph"}),
         ({"warpsph/momentum.py": SOURCE, "kernels/krylov.py": SOURCE}, {"riemann", "linear"}),  # before the folders
-        ({"warpsph/study/plot.py": SOURCE, "tests/unit/test_a.py": SOURCE, "docs/a.md": "a"}, set()),
+        ({"warpsph/study/plot.py": SOURCE, "tests/unit/test_a.py": SOURCE, "docs/accuracy.md": "a"}, set()),
     ],
 )
 def test_what_a_commit_may_have_changed(checkout, files, topics):
@@ -166,17 +166,17 @@ def test_tables_of_the_docs_are_as_their_records_say(capsys):
 
 
 def test_a_table_is_written_and_checked(checkout, tmp_path, monkeypatch, capsys):
-    checkout({"README.md": "no table\n", "docs/a.md": "before\n<!-- table: one -->\nold\n<!-- end table -->\nafter\n"})
+    checkout({"README.md": "no table\n", "docs/accuracy.md": "before\n<!-- table: one -->\nold\n<!-- end table -->\nafter\n"})
     monkeypatch.setattr(write_tables, "TABLES", {"one": lambda: write_tables.table(["a", "b"], "lr", [["x|y", "1"]])})
     assert write_tables.main(["--check"]) == 1
-    assert "docs/a.md: run python scripts/write_tables.py" in capsys.readouterr().err
+    assert "docs/accuracy.md: run python scripts/write_tables.py" in capsys.readouterr().err
     assert write_tables.main([]) == 0
-    text = (tmp_path / "docs" / "a.md").read_text()
+    text = (tmp_path / "docs" / "accuracy.md").read_text()
     assert text == (
         "before\n<!-- table: one -->\n\n| a | b |\n| --- | ---: |\n| x\\|y | 1 |\n\n<!-- end table -->\nafter\n"
     )
     assert write_tables.main(["--check"]) == 0 and write_tables.main([]) == 0
-    assert (tmp_path / "docs" / "a.md").read_text() == text
+    assert (tmp_path / "docs" / "accuracy.md").read_text() == text
 
 
 @pytest.mark.parametrize(
