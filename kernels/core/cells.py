@@ -187,23 +187,13 @@ def make_live() -> Any:
 
 
 @functools.cache
-def make_list(spec: Spec) -> Any:
-    """Return the kernel that fills the neighbour list of every particle: fluid first, then walls.
+def make_edge(dimension: int, precision: str, periodic: tuple[bool, ...]) -> Any:
+    """Return the `wp.func` at_edge(c, grid): whether a cell is within two cells of a periodic side.
 
-    Wall particles list fluid only. Mirror images of the fluid follow the fluid itself and count as fluid (`mirror`).
-    Entries beyond `list_width` are counted, not stored.
+    Only a particle there can have a neighbour across it.
     """
-    real, vec, _, _ = types_of(spec)
-    Grid = make_grid(spec.dimension, spec.precision)
-    Sides = make_sides(spec.dimension, spec.precision)
-    reflect = make_images(spec).reflect
-    codes = 4**spec.dimension
-    image_bit = code_shift(spec.dimension)
-    cell_of = make_cell_of(spec.dimension, spec.precision)
-    px, py, pz = ([*spec.periodic, False, False])[:3]
-    dim = spec.dimension
-    any_periodic = any(spec.periodic)
-    list_begin, list_step, _, Listed, store = make_entry(spec.row_list, spec.wide_list)
+    Grid = make_grid(dimension, precision)
+    px, py, pz = ([*periodic, False, False])[:3]
 
     @wp.func
     def at_edge(c: wp.vec3i, grid: Grid):
@@ -215,6 +205,22 @@ def make_list(spec: Spec) -> Any:
         if wp.static(pz):
             edge = edge or c[2] < 2 or c[2] >= grid.nz - 2
         return edge
+
+    return at_edge
+
+
+@functools.cache
+def make_scan(spec: Spec) -> Any:
+    """Return the `wp.func` scan: lists the neighbours of x_i among the particles begin to end, which follow each other.
+
+    mark is added to their indices: the code of a mirror image. state and the result: (entries so far, bits of `flags`).
+    own is the phase to compare with, or -1.
+    """
+    real, vec, _, _ = types_of(spec)
+    Grid = make_grid(spec.dimension, spec.precision)
+    px, py, pz = ([*spec.periodic, False, False])[:3]
+    any_periodic = any(spec.periodic)
+    list_begin, list_step, _, Listed, store = make_entry(spec.row_list, spec.wide_list)
 
     @wp.func
     def image(d: real, period: real):
@@ -289,6 +295,22 @@ def make_list(spec: Spec) -> Any:
                                 flag = flag | NEAR
             j += 1
         return wp.vec2i(count, flag)
+
+    return scan
+
+
+@functools.cache
+def make_search(spec: Spec) -> Any:
+    """Return the `wp.func` search: lists the neighbours of x_i in the cells around c; arguments as of `make_scan`.
+
+    kind_base is 0 for fluid and the number of cells for walls.
+    """
+    _, vec, _, _ = types_of(spec)
+    Grid = make_grid(spec.dimension, spec.precision)
+    px, py, pz = ([*spec.periodic, False, False])[:3]
+    dim = spec.dimension
+    Listed = make_entry(spec.row_list, spec.wide_list).array
+    scan = make_scan(spec)
 
     @wp.func
     def row(
@@ -399,6 +421,28 @@ def make_list(spec: Spec) -> Any:
             z += 1
         return s
 
+    return search
+
+
+@functools.cache
+def make_list(spec: Spec) -> Any:
+    """Return the kernel that fills the neighbour list of every particle: fluid first, then walls.
+
+    Wall particles list fluid only. Mirror images of the fluid follow the fluid itself and count as fluid (`mirror`).
+    Entries beyond `list_width` are counted, not stored.
+    """
+    _, vec, _, _ = types_of(spec)
+    Grid = make_grid(spec.dimension, spec.precision)
+    Sides = make_sides(spec.dimension, spec.precision)
+    reflect = make_images(spec).reflect
+    codes = 4**spec.dimension
+    image_bit = code_shift(spec.dimension)
+    cell_of = make_cell_of(spec.dimension, spec.precision)
+    at_edge = make_edge(spec.dimension, spec.precision, spec.periodic)
+    search = make_search(spec)
+    Listed = make_entry(spec.row_list, spec.wide_list).array
+    dim = spec.dimension
+
     @wp.kernel(module="unique", enable_backward=False)
     def build_list(
         first: int,
@@ -431,7 +475,6 @@ def make_list(spec: Spec) -> Any:
             own = 0
             if wp.static(spec.multiphase):
                 own = int(phase[i])
-        # only a particle within two cells of a periodic side can have a neighbour across it
         edge = at_edge(c, grid)
         s = search(
             i, xi, 0, 0, c, wp.vec2i(0, 0), own, edge, particle_count, list_width, grid, cell_start, phase, anchor,

@@ -20,7 +20,7 @@ import warp as wp
 from .pair import WRAPPED, list_access, separation_of
 from .params import make_params
 from .smoothing import make_smoothing
-from .spec import SWEEP_OPTIONS, Spec, types_of
+from .spec import SWEEP_OPTIONS, Spec, types, types_of
 
 ROW = 0.5  # distance of the first row from the interface
 ROW_ENDS = 0.9  # a particle nearer than this belongs to the first row
@@ -50,39 +50,37 @@ def make_cloud(dimension: int, precision: str) -> Any:
 
 
 @functools.cache
-def make_packing(spec: Spec) -> tuple[Any, Any]:
-    """Return the kernels of one iteration: `arrange` writes the way of each particle, `go` moves them all.
-
-    spec: multiphase, two or three dimensions; of the smoothing kernel, `row_list`, walls and periods alone count.
-    """
-    real, vec, _, _ = types_of(spec)
-    Params = make_params(spec.dimension, spec.precision)
-    Cloud = make_cloud(spec.dimension, spec.precision)
-    _, slope = make_smoothing(spec.kernel, spec.precision)
-    separation = separation_of(spec)
-    list_begin, list_step, neighbour, Listed = list_access(spec)
-    dim = spec.dimension
-    px, py, pz = ([*spec.periodic, False, False])[:3]
-    any_periodic = any(spec.periodic)
-    row = ROW
-    row_ends = ROW_ENDS
-    pushed2 = FARTHEST_PUSHED**2
-    drawn2 = FARTHEST_DRAWN**2
-    aside2 = ASIDE**2
-    same_face = SAME_FACE
-    opposite = OPPOSITE
-    longest = CAP
+def make_cell_along(precision: str) -> Any:
+    """Return the `wp.func` cell_along(x, inv_cell, n): the cell of a coordinate along one axis of n cells."""
+    real = types(2, precision).real
 
     @wp.func
     def cell_along(x: real, inv_cell: real, n: int):
         return wp.clamp(int(wp.floor(x * inv_cell)), 0, n - 1)
 
-    @wp.func
-    def inside(x: vec, cloud: Cloud):
-        result = x + vec()
-        for axis in range(wp.static(dim)):
-            result[axis] = wp.clamp(x[axis], cloud.low[axis], cloud.high[axis])
-        return result
+    return cell_along
+
+
+@functools.cache
+def make_cloud_search(spec: Spec) -> Any:
+    """Return the `wp.func` search(x, own, first, ...): index of an interface point near x, or -1.
+
+    first < 0: the nearest point of an interface of the phase `own`; else the point of another face than that of `first`, on
+    which x comes down, that asks for the longest push.
+    """
+    real, vec, _, _ = types_of(spec)
+    Params = make_params(spec.dimension, spec.precision)
+    Cloud = make_cloud(spec.dimension, spec.precision)
+    separation = separation_of(spec)
+    cell_along = make_cell_along(spec.precision)
+    dim = spec.dimension
+    px, py, pz = ([*spec.periodic, False, False])[:3]
+    any_periodic = any(spec.periodic)
+    row = ROW
+    pushed2 = FARTHEST_PUSHED**2
+    drawn2 = FARTHEST_DRAWN**2
+    aside2 = ASIDE**2
+    same_face = SAME_FACE
 
     @wp.func
     def turned(c: int, n: int):
@@ -106,8 +104,6 @@ def make_packing(spec: Spec) -> tuple[Any, Any]:
         cloud_below: wp.array(dtype=wp.int8),
         cloud_above: wp.array(dtype=wp.int8),
     ):
-        # first < 0: the nearest point of an interface of the own phase; else the point of another face, on which x comes
-        # down, that asks for the longest push. -1 if there is none.
         best = int(-1)
         least = real(drawn2)
         most = real(0.0)
@@ -162,6 +158,39 @@ def make_packing(spec: Spec) -> tuple[Any, Any]:
                                 most = need
                                 best = k
         return best
+
+    return search
+
+
+@functools.cache
+def make_packing(spec: Spec) -> tuple[Any, Any]:
+    """Return the kernels of one iteration: `arrange` writes the way of each particle, `go` moves them all.
+
+    spec: multiphase, two or three dimensions; of the smoothing kernel, `row_list`, walls and periods alone count.
+    """
+    real, vec, _, _ = types_of(spec)
+    Params = make_params(spec.dimension, spec.precision)
+    Cloud = make_cloud(spec.dimension, spec.precision)
+    _, slope = make_smoothing(spec.kernel, spec.precision)
+    separation = separation_of(spec)
+    list_begin, list_step, neighbour, Listed = list_access(spec)
+    cell_along = make_cell_along(spec.precision)
+    search = make_cloud_search(spec)
+    dim = spec.dimension
+    any_periodic = any(spec.periodic)
+    row = ROW
+    row_ends = ROW_ENDS
+    pushed2 = FARTHEST_PUSHED**2
+    aside2 = ASIDE**2
+    opposite = OPPOSITE
+    longest = CAP
+
+    @wp.func
+    def inside(x: vec, cloud: Cloud):
+        result = x + vec()
+        for axis in range(wp.static(dim)):
+            result[axis] = wp.clamp(x[axis], cloud.low[axis], cloud.high[axis])
+        return result
 
     @wp.kernel(module="unique", enable_backward=False, module_options=SWEEP_OPTIONS)
     def arrange(

@@ -6,7 +6,7 @@ import warp as wp
 
 from warpsph.engine.launch import Launcher
 from warpsph.errors import CapacityError
-from warpsph.kernels.linear import krylov as ln
+from warpsph.kernels.linear import solve_state as entry
 from warpsph.running.model import quiet_warp
 from warpsph.solvers.accuracy import attainable
 from warpsph.solvers.linear_solver import EllMatrix, LinearSolver
@@ -189,7 +189,7 @@ def test_a_weak_tie_is_a_tie_and_rounding_is_none(device):
         dense = network(anchored=False)
         dense[40, 40] *= 1.0 + tie
         result, x, solver = run(dense, np.full(300, 2.5), precision="float32", device=device)
-        assert bool(solver.state.numpy()[ln.SINGULAR]) is singular
+        assert bool(solver.state.numpy()[entry.SINGULAR]) is singular
         assert (np.abs(solver.matrix.excess.numpy()).max() == 0.0) == singular
         assert result.converged and bool(np.abs(x).max() == 0.0) is singular
 
@@ -464,4 +464,4 @@ def test_the_state_has_room_for_every_entry():
         "GOAL2",
     ]
     names += ["RHS_MEAN", "SOLUTION_MEAN", "FRESH", "SHADOW2", "ROWS", "RESIDUAL_MEAN", "SINGULAR", "PEAK2", "REPLACING"]
-    assert sorted(getattr(ln, name) for name in names) == list(range(ln.STATE_SIZE))
+    assert sorted(getattr(entry, name) for name in names) == list(range(entry.STATE_SIZE))

@@ -11,7 +11,7 @@ import warp as wp
 
 from warpsph.engine.launch import Bindings, Launcher
 from warpsph.errors import CapacityError
-from warpsph.kernels.linear import grid_cycle as mg
+from warpsph.kernels.linear.levels import COLLAPSE, HALVE, MOST_SWEEPS, STAY
 from warpsph.running.model import quiet_warp
 from warpsph.solvers.linear_solver import LinearSolver
 from warpsph.solvers.multigrid import WIDE, Multigrid, periodic_cells, plan_levels, sweep_weights
@@ -75,7 +75,7 @@ def test_levels_halve_down_to_a_few_nodes():
     plans = plan_levels((100, 37), (False, False))
     assert [plan.cells for plan in plans] == [(100, 37), (50, 19), (25, 10), (13, 5), (7, 3)] + [(4, 2)][: len(plans) - 5]
     assert math.prod(plans[-1].nodes) <= 32
-    assert all(way == mg.STAY for way in plans[-1].way)
+    assert all(way == STAY for way in plans[-1].way)
 
 
 def test_a_long_channel_is_coarsened_along_its_length():
@@ -84,7 +84,7 @@ def test_a_long_channel_is_coarsened_along_its_length():
     shapes = [(plan.cells, plan.wrap) for plan in plans]
     assert ((512, 1), (False, False)) in shapes and ((256, 1), (False, True)) in shapes
     collapse = plans[shapes.index(((512, 1), (False, False)))]
-    assert collapse.way == (mg.HALVE, mg.COLLAPSE)
+    assert collapse.way == (HALVE, COLLAPSE)
 
 
 @pytest.mark.parametrize("extent", [3.0, 7.0, 40.0, 100.0, 111.0, 1000.0])
@@ -93,8 +93,8 @@ def test_periodic_axes_halve_evenly(extent):
     assert 1 / 1.5 < (extent / cells) / 2.0 < 1.5 or extent < 4.5
     plans = plan_levels((cells, cells), (True, True))
     for plan, coarse in zip(plans, plans[1:], strict=False):
-        assert coarse.cells == tuple(c // 2 if w == mg.HALVE else 1 for c, w in zip(plan.cells, plan.way, strict=True))
-        assert all(way != mg.HALVE or c % 2 == 0 for c, way in zip(plan.cells, plan.way, strict=True))
+        assert coarse.cells == tuple(c // 2 if w == HALVE else 1 for c, w in zip(plan.cells, plan.way, strict=True))
+        assert all(way != HALVE or c % 2 == 0 for c, way in zip(plan.cells, plan.way, strict=True))
 
 
 # operators ---------------------------------------------------------------------------------------------------------------
@@ -155,10 +155,10 @@ def grid_interpolation(fine, coarse):
         nf, nc = fine.nodes[axis], coarse.nodes[axis]
         part = np.zeros((nf, nc))
         for i in range(nf):
-            if fine.way[axis] == mg.HALVE:
+            if fine.way[axis] == HALVE:
                 part[i, i // 2] += 0.5
                 part[i, (i + 1) // 2 % nc if coarse.wrap[axis] else (i + 1) // 2] += 0.5
-            elif fine.way[axis] == mg.STAY:
+            elif fine.way[axis] == STAY:
                 part[i, i] = 1.0
             else:
                 part[i, 0] = 1.0
@@ -254,7 +254,7 @@ def test_sweeps_contract_whatever_the_operator(long):
     """|(1 - w_1 m) (1 - w_2 m) ...| < 1 for every eigenvalue 0 < m <= 2 of D^-1 A, and small where they aim at."""
     for width in (1, 2, 4, 8, 16, 32, 64, 1024):
         weights = sweep_weights(width, long)
-        assert len(weights) % 2 == 0 and len(weights) <= mg.MOST_SWEEPS
+        assert len(weights) % 2 == 0 and len(weights) <= MOST_SWEEPS
         m = np.linspace(1e-3, 2.0, 4000)
         left = np.abs(np.prod([1.0 - w * m for w in weights], axis=0))
         assert left.max() < 1.0

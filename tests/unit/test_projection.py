@@ -14,15 +14,9 @@ from warpsph.kernels.core import clock as ck
 from warpsph.kernels.core.mirror import FREE_SLIP, NO_SLIP, NO_WALL
 from warpsph.kernels.core.smoothing import window_integral
 from warpsph.kernels.core.weights import LONGEST, make_weights
-from warpsph.kernels.isph.projection import (
-    CLOSEST,
-    CONTACT,
-    CROWDED,
-    MOST_FILTER,
-    MOST_PUSH,
-    SMALLEST_MOMENT,
-    UNSURE,
-)
+from warpsph.kernels.isph.pressure import UNSURE
+from warpsph.kernels.isph.projection import CLOSEST, SMALLEST_MOMENT
+from warpsph.kernels.isph.regularise import CONTACT, CROWDED, MOST_FILTER, MOST_PUSH
 from warpsph.schemes import isph_program as isph
 from warpsph.schemes.isph_physics import row_shares
 

@@ -12,15 +12,9 @@ from warpsph.kernels.core.clock import make_advance
 from warpsph.kernels.core.spec import Spec
 from warpsph.kernels.core.wall import make_wall
 from warpsph.kernels.isph.diffusion import make_diffusion
-from warpsph.kernels.isph.projection import (
-    make_accept,
-    make_advect,
-    make_assemble,
-    make_correct,
-    make_predict,
-    make_regularise,
-    make_settle,
-)
+from warpsph.kernels.isph.pressure import make_accept, make_assemble, make_correct
+from warpsph.kernels.isph.projection import make_advect, make_predict, make_settle
+from warpsph.kernels.isph.regularise import make_regularise
 from warpsph.kernels.isph.surface import make_surface
 
 # Solves of the first step: the pressure equation refers to the last pressure gradient, which is not known yet.

@@ -32,7 +32,9 @@ import warp as wp
 from warpsph.engine.launch import Bindings, Launcher, Task
 from warpsph.errors import CapacityError
 from warpsph.kernels.core.spec import types
-from warpsph.kernels.linear import krylov as ln
+from warpsph.kernels.linear import solve_state as entry
+from warpsph.kernels.linear.krylov import make_kernels
+from warpsph.kernels.linear.sums import LANES
 from warpsph.solvers.accuracy import attainable
 
 LARGEST_NARROW = 2**31 - 1  # entries that one 32-bit index reaches
@@ -41,10 +43,10 @@ MOST_BLOCKS = 2048  # partial sums on a CPU, whatever the number of threads
 ROWS_OF_BLOCK = 16  # at least, on a CPU
 
 REASONS = {
-    ln.CONVERGED: "converged",
-    ln.OUT_OF_ITERATIONS: "iterations",
-    ln.STALLED: "stalled",
-    ln.NOT_FINITE: "nan",
+    entry.CONVERGED: "converged",
+    entry.OUT_OF_ITERATIONS: "iterations",
+    entry.STALLED: "stalled",
+    entry.NOT_FINITE: "nan",
 }
 REMEDIES = {
     "converged": "",
@@ -198,7 +200,7 @@ class Rows:
             self.block_count = max(1, math.ceil(n / self.chunk))
             self.items, self.deciders = self.block_count, 1
         else:
-            block = ln.LANES if launcher.device.is_cuda else 1
+            block = LANES if launcher.device.is_cuda else 1
             self.chunk = 1
             self.block_count = max(1, math.ceil(n / block))
             self.items, self.deciders = self.block_count * block, block
@@ -286,8 +288,8 @@ class LinearSolver:
 
     Attributes:
         solution: float64 (n,), the sum that x is rounded from.
-        state: float64 (STATE_SIZE,) on the device, see `kernels/linear/krylov.py`: iterations, residual and reason of the
-            last solve and sums over solves.
+        state: float64 (STATE_SIZE,) on the device, see `kernels/linear/solve_state.py`: iterations, residual and reason of
+            the last solve and sums over solves.
         flags: int32 on the device; the first entry is 1 while a solve goes on.
 
     Raises:
@@ -327,8 +329,8 @@ class LinearSolver:
         self.singular = singular
         device, n, real = matrix.device, matrix.n, matrix.real
         self.rows = Rows(launcher, n, matrix.row_list)
-        self.state: Any = wp.zeros(ln.STATE_SIZE, dtype=wp.float64, device=device)
-        self.flags: Any = wp.zeros(ln.FLAGS_SIZE, dtype=int, device=device)
+        self.state: Any = wp.zeros(entry.STATE_SIZE, dtype=wp.float64, device=device)
+        self.flags: Any = wp.zeros(entry.FLAGS_SIZE, dtype=int, device=device)
         self.solution: Any = wp.zeros(n, dtype=wp.float64, device=device)
         names = ["residual", "scaled", "search", "product"]
         if method == "bicgstab":
@@ -350,7 +352,7 @@ class LinearSolver:
 
     def set_limits(self, tolerance: float, max_iterations: int) -> None:
         """Set tolerance and most iterations, also between launches of a graph that holds the solve."""
-        self._write({ln.TOLERANCE: tolerance, ln.LIMIT: max_iterations})
+        self._write({entry.TOLERANCE: tolerance, entry.LIMIT: max_iterations})
         self.tolerance, self.max_iterations = tolerance, max_iterations
 
     def _write(self, entries: Mapping[int, float]) -> None:
@@ -363,30 +365,30 @@ class LinearSolver:
     def result(self) -> Result:
         """Return the outcome of the last solve (waits for the device)."""
         state = self.state.numpy()
-        reason = REASONS[int(state[ln.REASON])]
+        reason = REASONS[int(state[entry.REASON])]
         return Result(
-            iterations=int(state[ln.ITERATIONS]),
-            residual=float(state[ln.RESIDUAL]),
+            iterations=int(state[entry.ITERATIONS]),
+            residual=float(state[entry.RESIDUAL]),
             converged=reason == "converged",
             reason=reason,
             remedy=REMEDIES[reason],
-            restarts=int(state[ln.RESTARTS]),
+            restarts=int(state[entry.RESTARTS]),
         )
 
     def totals(self) -> Totals:
         """Return the sums over all solves since `reset_totals` (waits for the device)."""
         state = self.state.numpy()
         return Totals(
-            solves=int(state[ln.SOLVES]),
-            iterations=int(state[ln.TOTAL_ITERATIONS]),
-            worst_iterations=int(state[ln.WORST_ITERATIONS]),
-            worst_residual=float(state[ln.WORST_RESIDUAL]),
-            failures=int(state[ln.FAILURES]),
+            solves=int(state[entry.SOLVES]),
+            iterations=int(state[entry.TOTAL_ITERATIONS]),
+            worst_iterations=int(state[entry.WORST_ITERATIONS]),
+            worst_residual=float(state[entry.WORST_RESIDUAL]),
+            failures=int(state[entry.FAILURES]),
         )
 
     def reset_totals(self) -> None:
         """Begin the sums over solves anew."""
-        names = (ln.SOLVES, ln.TOTAL_ITERATIONS, ln.WORST_ITERATIONS, ln.WORST_RESIDUAL, ln.FAILURES)
+        names = (entry.SOLVES, entry.TOTAL_ITERATIONS, entry.WORST_ITERATIONS, entry.WORST_RESIDUAL, entry.FAILURES)
         self._write(dict.fromkeys(names, 0.0))
 
     def memory(self) -> int:
@@ -412,7 +414,7 @@ class LinearSolver:
                 )
         self._rhs, self._x, self._bound, self._graph = rhs, x, self.matrix.version, None
         rows, matrix = self.rows, self.matrix
-        kernels = ln.make_kernels(matrix.precision, matrix.row_list, matrix.count_type, matrix.wide)
+        kernels = make_kernels(matrix.precision, matrix.row_list, matrix.count_type, matrix.wide)
         device = self.matrix.device
         outer = self.preconditioner
         simple = isinstance(outer, str)
@@ -506,18 +508,18 @@ class LinearSolver:
         check()
         if self._views is not None:
             flags = self._views[1]
-            while flags[ln.ACTIVE]:
-                while flags[ln.RUNNING]:
+            while flags[entry.ACTIVE]:
+                while flags[entry.RUNNING]:
                     iteration()
                 check()
         else:
-            running = self.flags[ln.RUNNING : ln.RUNNING + 1]
+            running = self.flags[entry.RUNNING : entry.RUNNING + 1]
 
             def body() -> None:
                 wp.capture_while(running, iteration)
                 check()
 
-            wp.capture_while(self.flags[ln.ACTIVE : ln.ACTIVE + 1], body)
+            wp.capture_while(self.flags[entry.ACTIVE : entry.ACTIVE + 1], body)
         runner(self.end_tasks)()
 
     def solve(self, rhs: Any, x: Any) -> Result:

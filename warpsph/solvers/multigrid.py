@@ -27,8 +27,9 @@ import warp as wp
 from warpsph.engine.launch import Bindings, Launcher, Task
 from warpsph.errors import CapacityError
 from warpsph.kernels.core.spec import types
-from warpsph.kernels.linear import grid_cycle as mg
-from warpsph.kernels.linear import krylov as ln
+from warpsph.kernels.linear.grid_cycle import Kernels, make_kernels
+from warpsph.kernels.linear.levels import COLLAPSE, HALVE, MOST_SWEEPS, STAY, Level, SweepWeights, make_frame
+from warpsph.kernels.linear.sums import LANES
 from warpsph.solvers.linear_solver import EllMatrix, Rows
 
 LARGEST_ARRAY = 2**31 - 1
@@ -87,18 +88,18 @@ def plan_levels(cells: Sequence[int], periodic: Sequence[bool], coarsest: int = 
         ways, then, then_wrap = [], [], []
         for c, w in zip(now, wrap, strict=True):
             if w and c == 1:
-                way, nc, nw = mg.STAY, 1, True
+                way, nc, nw = STAY, 1, True
             elif w and (c < 4 or c % 2):
-                way, nc, nw = mg.COLLAPSE, 1, True
+                way, nc, nw = COLLAPSE, 1, True
             elif not w and c == 1:
-                way, nc, nw = mg.COLLAPSE, 1, True
+                way, nc, nw = COLLAPSE, 1, True
             else:
-                way, nc, nw = mg.HALVE, (c + 1) // 2, w
+                way, nc, nw = HALVE, (c + 1) // 2, w
             ways.append(way)
             then.append(nc)
             then_wrap.append(nw)
         last = nodes <= coarsest or all(w and c == 1 for c, w in zip(then, then_wrap, strict=True))
-        plans.append(LevelPlan(now, wrap, tuple(mg.STAY for _ in now) if last else tuple(ways)))
+        plans.append(LevelPlan(now, wrap, tuple(STAY for _ in now) if last else tuple(ways)))
         if last:
             return plans
         now, wrap = tuple(then), tuple(then_wrap)
@@ -196,7 +197,7 @@ class Multigrid:
             cells.append(count)
             inverse.append(count / extent if wraps else 1.0 / (cell * spacing))
         self.plans = plan_levels(cells, periodic)
-        frame = mg.make_frame(dimension, precision)()
+        frame = make_frame(dimension, precision)()
         frame.origin, frame.inv_cell = vec(*map(float, lower)), vec(*inverse)
         self._levels = self._place_levels()
         corners, stencil = 4**dimension, 3**dimension
@@ -256,7 +257,7 @@ class Multigrid:
                     self._views["active_nodes"][level.node_base :][: level.node_count] = np.arange(level.node_count)
         most = max(max(level.cell_count, level.node_count) for level in self._levels)
         self._marks = np.zeros(most if matrix.row_list else 0, dtype=np.int32)
-        self._lanes = ln.LANES if device.is_cuda else 1
+        self._lanes = LANES if device.is_cuda else 1
         self._bindings = Bindings(device, self._nodes)
         self._bindings.update(
             self._ranges,
@@ -276,7 +277,7 @@ class Multigrid:
             counts=matrix.counts,
             excess=matrix.excess,
             inverse=matrix.inverse,
-            levels=wp.array(self._levels, dtype=mg.Level, device=device),
+            levels=wp.array(self._levels, dtype=Level, device=device),
             lanes=self._lanes,
             first_small=self.first_small,
             level_count=len(self._levels),
@@ -299,12 +300,12 @@ class Multigrid:
         levels = []
         cell_base, node_base = 0, 0
         for k, plan in enumerate(self.plans):
-            level = mg.Level()
+            level = Level()
             weights = self._weights(k)
             level.pairs = len(weights) // 2
-            level.weights = mg.sweep_weights(*weights, *(mg.MOST_SWEEPS - len(weights)) * [0.0])
+            level.weights = SweepWeights(*weights, *(MOST_SWEEPS - len(weights)) * [0.0])
             level.cells, level.nodes = three(plan.cells, 1), three(plan.nodes, 1)
-            level.wrap, level.way = three(plan.wrap, 0), three(plan.way, mg.STAY)
+            level.wrap, level.way = three(plan.wrap, 0), three(plan.way, STAY)
             pad = 1 + level.nodes[0] * (1 + level.nodes[1])
             level.cell_base, level.node_base = cell_base, node_base + pad
             level.cell_count, level.node_count = math.prod(plan.cells), math.prod(plan.nodes)
@@ -333,10 +334,10 @@ class Multigrid:
         return task
 
     @property
-    def _kernels(self) -> mg.Kernels:
+    def _kernels(self) -> Kernels:
         """The kernels for the layout that the matrix has now."""
         matrix = self.matrix
-        return mg.make_kernels(self.dimension, matrix.precision, matrix.row_list, matrix.count_type, matrix.wide)
+        return make_kernels(self.dimension, matrix.precision, matrix.row_list, matrix.count_type, matrix.wide)
 
     def _one_block(self, kernel: Any) -> Task:
         return self.launcher.task("multigrid", kernel, self._lanes, self._bindings, single=True)
@@ -383,7 +384,7 @@ class Multigrid:
         keys = self._keys.numpy()[: self.matrix.n]
         cells = keys[np.flatnonzero(np.diff(keys, prepend=-1))]
         cells = cells[cells < self._levels[0].cell_count]
-        ways = {mg.HALVE: lambda c: c // 2, mg.STAY: lambda c: c, mg.COLLAPSE: lambda c: c * 0}
+        ways = {HALVE: lambda c: c // 2, STAY: lambda c: c, COLLAPSE: lambda c: c * 0}
         for k, (level, plan) in enumerate(zip(self._levels[: self._entire], self.plans, strict=False)):
             at = np.unravel_index(cells, plan.cells[::-1])[::-1]
             near: list[Any] = [0]

@@ -1,0 +1,357 @@
+"""The pressure equation of ISPH: its matrix and right-hand side, and what its solution does to the velocity."""
+
+import functools
+from typing import Any
+
+import warp as wp
+
+from warpsph.kernels.core.clock import MAXIMA, SPEED, STEP
+from warpsph.kernels.core.mirror import code_shift, make_images, make_sides
+from warpsph.kernels.core.pair import WRAPPED, list_access, make_entry
+from warpsph.kernels.core.params import make_params, make_phase
+from warpsph.kernels.core.smoothing import make_smoothing
+from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, types_of
+from warpsph.kernels.core.weights import make_weights
+
+from .surface import INSIDE
+
+UNSURE = 0.01  # excess E that disorder alone can make: its standard deviation is 0.0037 on shifted particles
+TOUCH = 0.75  # distance from a wall particle at which a particle of the surface stops, in spacings; a resting row has 1
+TENSION = 0.5  # largest, over rho u_max^2
+
+
+@functools.cache
+def make_assemble(spec: Spec) -> Any:
+    """Return the sweep that fills the pressure matrix, its right-hand side and what the multigrid needs of them.
+
+    Row i times its volume share: sum_j w_ij (p_i - p_j) = -V (div u* - D)/(beta dt) + grad p^n.sum_j w_ij (x_i - x_j), all
+    neighbours; particles of the surface are known and out of the system, images belong to the column of their particle.
+    """
+    real, vec, mat, _ = types_of(spec)
+    Params = make_params(spec.dimension, spec.precision)
+    Phase = make_phase(spec.precision)
+    Sides = make_sides(spec.dimension, spec.precision)
+    _, slope = make_smoothing(spec.kernel, spec.precision)
+    images = make_images(spec)
+    apart, image_velocity, lift = images.apart, images.image_velocity, images.lift
+    list_begin, list_step, neighbour, Listed = list_access(spec)
+    row_begin, row_stride, _, Columns, put_column = make_entry(spec.row_list, spec.wide_list)
+    _, _, _, Values, put_value = make_entry(spec.row_list, spec.wide_list, real)
+    time_weights = make_weights(spec.second_order)
+    periodic = any(spec.periodic)
+    dimension = float(spec.dimension)
+    image_bit = code_shift(spec.dimension)
+    index_mask = (1 << image_bit) - 1
+
+    @wp.kernel(module="unique", enable_backward=False, module_options=SWEEP_OPTIONS)
+    def assemble(
+        first: int,
+        particle_count: int,
+        fluid_count: int,
+        list_width: int,
+        matrix_width: int,
+        deferred: real,
+        relaxed: int,
+        params: Params,
+        sides: Sides,
+        phases: wp.array(dtype=Phase),
+        clock: wp.array(dtype=wp.float64),
+        neighbours: Listed,
+        fluid_neighbours: wp.array(dtype=wp.int16),
+        wall_neighbours: wp.array(dtype=wp.int16),
+        flags: wp.array(dtype=wp.uint8),
+        surface: wp.array(dtype=wp.uint8),
+        position: wp.array(dtype=vec),
+        velocity: wp.array(dtype=vec),
+        velocity_star: wp.array(dtype=vec),
+        rest_volume: wp.array(dtype=real),
+        pressure: wp.array(dtype=real),
+        lasting_gradient: wp.array(dtype=vec),
+        dilation: wp.array(dtype=real),
+        dilation_old: wp.array(dtype=real),
+        correction: wp.array(dtype=mat),
+        spread: wp.array(dtype=real),
+        matrix_columns: Columns,
+        matrix_values: Values,
+        matrix_counts: wp.array(dtype=wp.int16),
+        matrix_diagonal: wp.array(dtype=real),
+        matrix_moment: wp.array(dtype=mat),
+        unknown: wp.array(dtype=real),
+        source: wp.array(dtype=real),
+    ):
+        i = wp.tid() + first
+        if wp.static(spec.free_surface):
+            if surface[i] != wp.uint8(INSIDE):
+                matrix_counts[i] = wp.int16(0)
+                matrix_diagonal[i] = real(1.0)
+                matrix_moment[i] = mat()
+                unknown[i] = real(0.0)
+                source[i] = real(0.0)
+                return
+        xi = position[i]
+        vi = velocity_star[i]
+        wrapped = bool(False)
+        if wp.static(periodic):
+            wrapped = (int(flags[i]) & WRAPPED) != 0
+        rho = phases[0].density
+        share = rest_volume[i] / params.wall_volume
+        weight = real(-2.0) * params.g_norm * share / rho
+        weights = time_weights(clock)
+        beta = weights[2] * clock[STEP]
+        # what gravity adds to u*: the pressure of images and walls balances it, so that it is not mirrored
+        falling = params.gravity * real(beta)
+        crowd = rest_volume[i]
+        full = bool(True)
+        flow = mat()
+        uneven = vec()  # sum of w x_ij over all neighbours
+        moment = mat()
+        diagonal = real(0.0)
+        coupling = real(0.0)
+        right = real(0.0)
+        count = int(0)
+        entry = row_begin(i, matrix_width)
+        k = list_begin(i, list_width)
+        step = list_step(particle_count)
+        row_step = row_stride(fluid_count)
+        end = k + int(fluid_neighbours[i]) * step
+        while k < end:
+            j = neighbour(neighbours, i, k)
+            k += step
+            code = int(0)
+            if wp.static(spec.mirror):
+                code = j >> image_bit
+                j = j & index_mask
+            xj = position[j]
+            d = apart(xi, xj, code, wrapped, params, sides)
+            r2 = wp.dot(d, d)
+            f = slope(wp.sqrt(r2) * params.inv_h) * rest_volume[j]
+            core = wp.max(real(1.0) - r2 * params.inv_window, real(0.0))
+            crowd += core * core * rest_volume[j]
+            w = weight * f
+            vj = velocity_star[j]
+            if wp.static(spec.mirror):
+                if code != 0:
+                    vj = image_velocity(vj - falling, code, sides) + falling
+                    if wp.static(spec.gravity):
+                        right += w * rho * wp.dot(params.gravity, lift(xj, code, sides))
+            flow += wp.outer(vj - vi, f * d)
+            uneven += w * d
+            known = bool(False)
+            if wp.static(spec.free_surface):
+                known = surface[j] != wp.uint8(INSIDE)
+            if known:
+                full = False
+                coupling += w
+                right += w * pressure[j]
+            elif j != i and w > real(0.0):
+                # the image of a particle in its own row cancels out
+                diagonal += w
+                moment += wp.outer(d, (real(0.5) * w) * d)
+                put_column(matrix_columns, i, entry, j)
+                put_value(matrix_values, i, entry, -w)
+                entry += row_step
+                count += 1
+        if wp.static(spec.walls):
+            full = full and wall_neighbours[i] == wp.int16(0)
+            end += int(wall_neighbours[i]) * step
+            while k < end:
+                j = neighbour(neighbours, i, k)
+                k += step
+                d = apart(xi, position[j], 0, wrapped, params, sides)
+                f = slope(wp.sqrt(wp.dot(d, d)) * params.inv_h) * params.wall_volume
+                w = weight * f
+                # an image of this particle: velocity mirrored at that of the wall, pressure in balance with the weight
+                flow += wp.outer(real(2.0) * (velocity[j] + falling - vi), f * d)
+                uneven += w * d
+                if wp.static(spec.gravity):
+                    right -= w * rho * wp.dot(params.gravity, d)
+        divergence = wp.trace(flow * correction[i]) * params.g_norm
+        wanted = real(0.0)
+        if full:
+            excess = crowd * params.window_norm - real(1.0)
+            excess = excess - wp.clamp(excess, real(-UNSURE), real(UNSURE))
+            wanted = params.feedback * real(clock[SPEED]) * params.inv_h * excess
+        if relaxed == 1:
+            # BDF2 of dD/dt = -(D - wanted)/tau, the right side extrapolated: stable up to dt = tau
+            rate = wp.min(wp.float64(2.0) * clock[SPEED] / wp.float64(params.h), wp.float64(1.0) / clock[STEP])
+            now = wp.float64(dilation[i])
+            old = wp.float64(dilation_old[i])
+            left = now + weights[3] * (now - old) - wp.float64(wanted)
+            divergence -= real(weights[0] * now - weights[1] * old - beta * rate * left)
+        else:
+            divergence -= wanted
+        right -= share * (spread[i] / real(dimension)) * divergence / real(beta)
+        right += deferred * wp.dot(lasting_gradient[i], uneven)
+        matrix_counts[i] = wp.int16(count)
+        matrix_diagonal[i] = diagonal + coupling
+        matrix_moment[i] = moment
+        unknown[i] = pressure[i]
+        source[i] = right
+        if diagonal + coupling <= real(0.0):
+            matrix_diagonal[i] = real(1.0)  # no neighbour at all
+            source[i] = real(0.0)
+
+    return assemble
+
+
+@functools.cache
+def make_accept(spec: Spec) -> Any:
+    """Return the kernel that takes the solution as pressure; particles of the surface keep theirs.
+
+    A fluid with a free surface holds no more tension than its motion explains: in a thin tip that is torn apart it would
+    pull single particles together like bullets. A rotating square, the case with most of it, needs 0.3 rho u_max^2.
+    """
+    real, _, _, pair = types_of(spec)
+    Phase = make_phase(spec.precision)
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def accept(
+        first: int,
+        phases: wp.array(dtype=Phase),
+        clock: wp.array(dtype=wp.float64),
+        surface: wp.array(dtype=wp.uint8),
+        unknown: wp.array(dtype=real),
+        rest_volume: wp.array(dtype=real),
+        pressure: wp.array(dtype=real),
+        state: wp.array(dtype=pair),
+    ):
+        i = wp.tid() + first
+        if wp.static(spec.free_surface):
+            if surface[i] == wp.uint8(INSIDE):
+                speed = real(clock[SPEED])
+                pressure[i] = wp.max(unknown[i], real(-TENSION) * phases[0].density * speed * speed)
+        else:
+            pressure[i] = unknown[i]
+        state[i] = pair(pressure[i], rest_volume[i])
+
+    return accept
+
+
+@functools.cache
+def make_correct(spec: Spec) -> Any:
+    """Return the sweep that takes the pressure gradient off: u^{n+1} = u* - (beta dt/rho) grad p.
+
+    grad p = L sum (p_j - p_i) grad W V, or the printed conservative sum (p_j + p_i) grad W V. With `advancing` 0 only the
+    gradient is found.
+    """
+    real, vec, mat, _ = types_of(spec)
+    Params = make_params(spec.dimension, spec.precision)
+    Phase = make_phase(spec.precision)
+    Sides = make_sides(spec.dimension, spec.precision)
+    _, slope = make_smoothing(spec.kernel, spec.precision)
+    images = make_images(spec)
+    apart, lift = images.apart, images.lift
+    list_begin, list_step, neighbour, Listed = list_access(spec)
+    time_weights = make_weights(spec.second_order)
+    periodic = any(spec.periodic)
+    image_bit = code_shift(spec.dimension)
+    index_mask = (1 << image_bit) - 1
+
+    @wp.kernel(module="unique", enable_backward=False, module_options=SWEEP_OPTIONS)
+    def correct(
+        first: int,
+        slot: int,
+        particle_count: int,
+        list_width: int,
+        advancing: int,
+        params: Params,
+        sides: Sides,
+        phases: wp.array(dtype=Phase),
+        clock: wp.array(dtype=wp.float64),
+        neighbours: Listed,
+        fluid_neighbours: wp.array(dtype=wp.int16),
+        wall_neighbours: wp.array(dtype=wp.int16),
+        flags: wp.array(dtype=wp.uint8),
+        position: wp.array(dtype=vec),
+        rest_volume: wp.array(dtype=real),
+        pressure: wp.array(dtype=real),
+        correction: wp.array(dtype=mat),
+        surface: wp.array(dtype=wp.uint8),
+        velocity_star: wp.array(dtype=vec),
+        velocity: wp.array(dtype=vec),
+        velocity_old: wp.array(dtype=vec),
+        pressure_gradient: wp.array(dtype=vec),
+        lasting_gradient: wp.array(dtype=vec),
+        acceleration: wp.array(dtype=vec),
+        maxima: wp.array(dtype=real),
+    ):
+        i = wp.tid() + first
+        xi = position[i]
+        p_i = pressure[i]
+        rho = phases[0].density
+        wrapped = bool(False)
+        if wp.static(periodic):
+            wrapped = (int(flags[i]) & WRAPPED) != 0
+        sign = real(-1.0)
+        if wp.static(not spec.corrected):
+            sign = real(1.0)
+        total = vec()
+        k = list_begin(i, list_width)
+        step = list_step(particle_count)
+        end = k + int(fluid_neighbours[i]) * step
+        while k < end:
+            j = neighbour(neighbours, i, k)
+            k += step
+            code = int(0)
+            if wp.static(spec.mirror):
+                code = j >> image_bit
+                j = j & index_mask
+            xj = position[j]
+            d = apart(xi, xj, code, wrapped, params, sides)
+            p_j = pressure[j]
+            if wp.static(spec.mirror and spec.gravity):
+                if code != 0:
+                    p_j += rho * wp.dot(params.gravity, lift(xj, code, sides))
+            f = slope(wp.sqrt(wp.dot(d, d)) * params.inv_h) * rest_volume[j]
+            total += (f * (p_j + sign * p_i)) * d
+        nearest = real(TOUCH) * params.spacing  # distance of the nearest wall particle
+        off_wall = vec()
+        wall_speed = vec()
+        if wp.static(spec.walls):
+            end += int(wall_neighbours[i]) * step
+            while k < end:
+                j = neighbour(neighbours, i, k)
+                k += step
+                d = apart(xi, position[j], 0, wrapped, params, sides)
+                r = wp.length(d)
+                if r < nearest and r > real(0.0):
+                    nearest = r
+                    off_wall = d / r
+                    wall_speed = velocity[j]
+                p_j = p_i
+                if wp.static(spec.gravity):
+                    p_j -= rho * wp.dot(params.gravity, d)
+                f = slope(wp.sqrt(wp.dot(d, d)) * params.inv_h) * params.wall_volume
+                total += (f * (p_j + sign * p_i)) * d
+        gradient = total * params.g_norm
+        if wp.static(spec.corrected):
+            gradient = correction[i] * gradient
+        if advancing == 0:
+            pressure_gradient[i] = gradient
+            lasting_gradient[i] = gradient
+            return
+        # The smaller of this gradient and the last, none if they oppose: an impact is over in the next step.
+        before = pressure_gradient[i]
+        lasting = vec()
+        if wp.dot(gradient, before) > real(0.0):
+            lasting = gradient * wp.min(real(1.0), wp.length(before) / wp.length(gradient))
+        lasting_gradient[i] = lasting
+        pressure_gradient[i] = gradient
+        old = velocity[i]
+        new = velocity_star[i] - gradient * (real(time_weights(clock)[2] * clock[STEP]) / rho)
+        if wp.static(spec.walls and spec.free_surface):
+            # a particle of the surface has no pressure that would keep it off an obstacle
+            if surface[i] != wp.uint8(INSIDE):
+                new -= off_wall * wp.min(wp.dot(new - wall_speed, off_wall), real(0.0))
+        velocity_old[i] = old
+        velocity[i] = new
+        a = (new - old) / real(clock[STEP])
+        acceleration[i] = a
+        v2 = wp.dot(new, new)
+        a2 = wp.dot(a, a)
+        if v2 > maxima[slot * MAXIMA]:
+            wp.atomic_max(maxima, slot * MAXIMA, v2)
+        if a2 > maxima[slot * MAXIMA + 1]:
+            wp.atomic_max(maxima, slot * MAXIMA + 1, a2)
+
+    return correct

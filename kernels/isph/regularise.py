@@ -1,0 +1,164 @@
+"""What keeps the particles of ISPH even: shift, collisions and filter next to free surfaces; the divergence left over."""
+
+import functools
+from typing import Any
+
+import warp as wp
+
+from warpsph.kernels.core.clock import MAXIMA, SPEED, STEP
+from warpsph.kernels.core.mirror import code_shift, make_images, make_sides
+from warpsph.kernels.core.pair import WRAPPED, list_access
+from warpsph.kernels.core.params import make_params
+from warpsph.kernels.core.smoothing import make_smoothing
+from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, types_of
+
+from .surface import INSIDE, ISOLATED
+
+CONTACT = 0.5  # distance of a collision, in spacings: shifted particles of a flow stay farther apart
+CROWDED = 0.85  # distance below which particles next to a free surface are pushed apart, in spacings
+PUSH = 0.25  # of A |grad u| dt, times the spacing
+MOST_PUSH = 0.1  # of |grad u| dt: beyond it a push overshoots
+MOST_FILTER = 0.5  # share of a velocity's deviation that one step may take out
+MOST_SHIFT = 0.5  # of A |grad u| dt
+
+
+@functools.cache
+def make_regularise(spec: Spec) -> Any:
+    """Return the sweep that measures the divergence left over and finds the shift towards an even arrangement.
+
+    dx = -A |grad u| dt h^2 grad C; what the particle carries changes by grad u dx. Next to a free surface that is done along
+    it alone; across it particles nearer than CROWDED spacings are pushed apart by 0.25 A |grad u| dt dx sum (1 - r/r_0) e,
+    which is zero on an even arrangement with or without neighbours outside. And the velocity is drawn to the linear field
+    around it, du = f |grad u| dt sum W [u_j - u_i - grad u (x_j - x_i)]/sum W, f = `surface_filter`.
+    With a free surface two particles that come nearer than CONTACT spacings lose their speed of approach, each one half of
+    it, as in a plastic collision: in a splash no pressure acts between them.
+    """
+    real, vec, mat, _ = types_of(spec)
+    Params = make_params(spec.dimension, spec.precision)
+    Sides = make_sides(spec.dimension, spec.precision)
+    shape, slope = make_smoothing(spec.kernel, spec.precision)
+    images = make_images(spec)
+    apart, image_velocity = images.apart, images.image_velocity
+    list_begin, list_step, neighbour, Listed = list_access(spec)
+    periodic = any(spec.periodic)
+    image_bit = code_shift(spec.dimension)
+    index_mask = (1 << image_bit) - 1
+
+    @wp.kernel(module="unique", enable_backward=False, module_options=SWEEP_OPTIONS)
+    def regularise(
+        first: int,
+        slot: int,
+        particle_count: int,
+        list_width: int,
+        params: Params,
+        sides: Sides,
+        clock: wp.array(dtype=wp.float64),
+        neighbours: Listed,
+        fluid_neighbours: wp.array(dtype=wp.int16),
+        wall_neighbours: wp.array(dtype=wp.int16),
+        flags: wp.array(dtype=wp.uint8),
+        surface: wp.array(dtype=wp.uint8),
+        surface_normal: wp.array(dtype=vec),
+        position: wp.array(dtype=vec),
+        velocity: wp.array(dtype=vec),
+        rest_volume: wp.array(dtype=real),
+        correction: wp.array(dtype=mat),
+        crowding: wp.array(dtype=vec),
+        dilation: wp.array(dtype=real),
+        dilation_old: wp.array(dtype=real),
+        shift: wp.array(dtype=vec),
+        carried: wp.array(dtype=vec),
+        maxima: wp.array(dtype=real),
+    ):
+        i = wp.tid() + first
+        xi = position[i]
+        vi = velocity[i]
+        wrapped = bool(False)
+        if wp.static(periodic):
+            wrapped = (int(flags[i]) & WRAPPED) != 0
+        flow = mat()
+        impact = vec()  # change of velocity by collisions
+        weight = shape(real(0.0))
+        others = vec()  # sum W (u_j - u_i)
+        arm = vec()  # sum W (x_i - x_j)
+        apart_sum = vec()
+        crowded = real(CROWDED) * params.spacing
+        contact2 = real(CONTACT * CONTACT) * params.spacing * params.spacing
+        outward = vec()  # normals of the surface near by
+        if wp.static(spec.free_surface):
+            if surface[i] != wp.uint8(INSIDE):
+                outward = surface_normal[i] * shape(real(0.0))
+        k = list_begin(i, list_width)
+        step = list_step(particle_count)
+        end = k + int(fluid_neighbours[i]) * step
+        while k < end:
+            j = neighbour(neighbours, i, k)
+            k += step
+            code = int(0)
+            if wp.static(spec.mirror):
+                code = j >> image_bit
+                j = j & index_mask
+            d = apart(xi, position[j], code, wrapped, params, sides)
+            r2 = wp.dot(d, d)
+            q = wp.sqrt(r2) * params.inv_h
+            vj = velocity[j]
+            if wp.static(spec.mirror):
+                if code != 0:
+                    vj = image_velocity(vj, code, sides)
+            if wp.static(spec.free_surface):
+                w = shape(q)
+                weight += w
+                others += w * (vj - vi)
+                arm += w * d
+                r = wp.sqrt(r2)
+                if r < crowded and r > real(0.0):
+                    apart_sum += d * (real(1.0) / r - real(1.0) / crowded)
+                approach = wp.dot(vi - vj, d)
+                if r2 < contact2 and approach < real(0.0):
+                    impact -= d * (real(0.5) * approach / (r2 + params.tiny))
+            flow += wp.outer(vj - vi, (slope(q) * rest_volume[j]) * d)
+            if wp.static(spec.free_surface):
+                if surface[j] != wp.uint8(INSIDE) and code == 0:
+                    outward += surface_normal[j] * w
+        if wp.static(spec.walls):
+            end += int(wall_neighbours[i]) * step
+            while k < end:
+                j = neighbour(neighbours, i, k)
+                k += step
+                d = apart(xi, position[j], 0, wrapped, params, sides)
+                f = slope(wp.sqrt(wp.dot(d, d)) * params.inv_h) * params.wall_volume
+                flow += wp.outer(real(2.0) * (velocity[j] - vi), f * d)
+        shear = (flow * correction[i]) * params.g_norm
+        # a lone particle must not bring a divergence of any size into the next step
+        most = real(clock[SPEED]) * params.inv_h
+        dilation_old[i] = dilation[i]
+        dilation[i] = wp.clamp(wp.trace(shear), -most, most)
+        if wp.static(spec.shifting):
+            dt = real(clock[STEP])
+            strength = wp.sqrt(wp.ddot(shear, shear)) * dt
+            # beyond half of h^2 grad C a shift overshoots what is even
+            dx = crowding[i] * (-wp.min(params.shifting * strength, real(MOST_SHIFT)) * params.h * params.h)
+            if wp.static(spec.free_surface):
+                length = wp.length(outward)
+                # at the rim of the support the weight is tiny, and its square zero
+                if length > real(1.0e-6) * shape(real(0.0)):
+                    n = outward / length
+                    push = real(PUSH) * params.shifting * wp.min(strength, real(MOST_PUSH)) * params.spacing
+                    dx += n * (push * wp.dot(apart_sum, n) - wp.dot(dx, n))
+                    impact += (others + shear * arm) * (wp.min(params.filter * strength, real(MOST_FILTER)) / weight)
+                if surface[i] == wp.uint8(ISOLATED):
+                    dx = vec()
+            length = wp.length(dx)
+            cap = params.shift_cap * params.h
+            if length > cap:
+                dx = dx * (cap / length)
+            shift[i] = dx
+            change = shear * dx
+            if wp.static(spec.free_surface):
+                change += impact
+            carried[i] = change
+            s2 = wp.dot(dx, dx)
+            if s2 > maxima[slot * MAXIMA + 3]:
+                wp.atomic_max(maxima, slot * MAXIMA + 3, s2)
+
+    return regularise

@@ -1,0 +1,64 @@
+"""Sums over the rows of a system, in an order that does not depend on the number of threads.
+
+Dot products are float64 sums: a block of rows each (a stretch of rows on a CPU core, a thread block on a GPU), then one sum
+over the blocks.
+"""
+
+import functools
+from typing import Any
+
+import warp as wp
+
+LANES = 256  # threads of a block on a GPU; the launches below count on it
+
+
+@wp.func_native("#if defined(__CUDA_ARCH__)\n__syncthreads();\n#endif\n")
+def barrier():
+    """Wait for the threads of the block; nothing on a CPU, where a block is one thread."""
+    ...
+
+
+@functools.cache
+def make_sums(row_list: bool) -> tuple[Any, Any]:
+    """Return the `wp.func`s (store_sums(t, a, b, c, sums), total_sums(t, block_count, sums)) of block-wise sums.
+
+    Row lists (CPU): item t is a block of rows. Else (GPU): item t is a thread, its block has `LANES` of them and all call
+    it.
+    """
+    if row_list:
+
+        @wp.func
+        def store_sums(t: int, a: wp.float64, b: wp.float64, c: wp.float64, sums: wp.array(dtype=wp.vec3d)):
+            sums[t] = wp.vec3d(a, b, c)
+
+        @wp.func
+        def total_sums(t: int, block_count: int, sums: wp.array(dtype=wp.vec3d)):
+            total = wp.vec3d()
+            for k in range(block_count):
+                total += sums[k]
+            return total
+
+    else:
+
+        @wp.func
+        def store_sums(t: int, a: wp.float64, b: wp.float64, c: wp.float64, sums: wp.array(dtype=wp.vec3d)):
+            sum_a = wp.tile_sum(wp.tile(a))
+            sum_b = wp.tile_sum(wp.tile(b))
+            sum_c = wp.tile_sum(wp.tile(c))
+            total = wp.vec3d(sum_a[0], sum_b[0], sum_c[0])
+            if t % wp.block_dim() == 0:
+                sums[t / wp.block_dim()] = total
+
+        @wp.func
+        def total_sums(t: int, block_count: int, sums: wp.array(dtype=wp.vec3d)):
+            own = wp.vec3d()
+            k = int(t)
+            while k < block_count:
+                own += sums[k]
+                k += wp.block_dim()
+            sum_a = wp.tile_sum(wp.tile(own[0]))
+            sum_b = wp.tile_sum(wp.tile(own[1]))
+            sum_c = wp.tile_sum(wp.tile(own[2]))
+            return wp.vec3d(sum_a[0], sum_b[0], sum_c[0])
+
+    return store_sums, total_sums
