@@ -31,6 +31,7 @@ from warpsph.case.case import Case
 from warpsph.kernels.core import clock as ck
 from warpsph.kernels.core.spec import SWEEP_OPTIONS
 from warpsph.running.model import Model, quiet_warp
+from warpsph.study.provenance import provenance
 
 TARGET = 1.03  # package over hand
 CHECKED_STEPS = 20
@@ -567,7 +568,7 @@ def main(arguments: list[str] | None = None) -> int:
         found.append(measure(given.device, threads, given.particles, given.rounds, given.window))
         print(table(found[-1]) + "\n", flush=True)
     if given.json:
-        given.json.write_text(json.dumps(found, indent=1))
+        given.json.write_text(json.dumps({**provenance(), "rows": found}, indent=1) + "\n", encoding="utf-8")
     return 0 if all(agrees(one["check"]) for one in found) else 1
 
 

@@ -36,6 +36,8 @@ from typing import Any
 
 import numpy as np
 
+from warpsph.study.provenance import provenance
+
 KERNELS = {"wendland": 1.25, "cubic": 1.5}  # smoothing length in particle spacings; both reach to 2 h
 # Position divergence below which a particle is of the free surface, as share of its value in a full lattice.
 SURFACE = {2: 0.77, 3: 0.8}
@@ -433,7 +435,7 @@ def main() -> None:
                     )
     if arguments.json:
         command = "python scripts/bench_solver.py " + " ".join(sys.argv[1:])
-        record = {"command": command, "tolerance": arguments.tolerance, "rows": rows}
+        record = {**provenance(), "command": command, "tolerance": arguments.tolerance, "rows": rows}
         arguments.json.write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
 
 

@@ -22,6 +22,8 @@ from typing import Any
 
 import numpy as np
 
+from warpsph.study.provenance import provenance
+
 PEERS = [
     # code, case, particles, Mups on 1 thread, on 2 threads (x86-64, 2 cores, float64)
     ("PySPH wcsph", "Taylor-Green", 10_000, 0.58, 0.73),
@@ -266,7 +268,8 @@ def main() -> None:
         for code, case, particles, one, two in PEERS:
             print(f"  {code:38} {case:16} {particles:7d} {one:6.2f} {two:6.2f}")
     if arguments.json:
-        arguments.json.write_text(json.dumps({"bandwidth": bandwidth, "rows": rows}, indent=1))
+        record = {**provenance(), "bandwidth": bandwidth, "rows": rows}
+        arguments.json.write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -35,6 +35,7 @@ from warpsph.errors import WarpsphError
 from warpsph.measure.contour import LEVEL, Share, shares_of_phases
 from warpsph.study import plot
 from warpsph.study.figures import case_of_run
+from warpsph.study.provenance import provenance
 
 SHIPPED = Path(__file__).resolve().parents[1] / "cases" / "reference"
 SAME_TIME = 1e-6  # of a time
@@ -182,7 +183,8 @@ def main(arguments: list[str] | None = None) -> int:
         print(error, file=sys.stderr)
         return 2
     if chosen.json is not None:
-        chosen.json.write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
+        record = {**provenance(), "rows": rows}
+        chosen.json.write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
     held = [] if chosen.limit is None else judged(rows, chosen.until)
     print("    time [s]   differing     share   pieces")
     for row in rows:

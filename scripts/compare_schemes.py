@@ -30,6 +30,7 @@ import numpy as np
 
 from warpsph.case.case import Case
 from warpsph.simulation import Simulation
+from warpsph.study.provenance import provenance
 
 CASES = Path(__file__).parents[1] / "cases"
 SCHEMES = ("riemann", "isph")
@@ -155,7 +156,8 @@ def main() -> None:
     show(rows)
     if arguments.json:
         command = "python scripts/compare_schemes.py " + " ".join(sys.argv[1:])
-        arguments.json.write_text(json.dumps({"command": command, "rows": rows}, indent=1) + "\n", encoding="utf-8")
+        record = {**provenance(), "command": command, "rows": rows}
+        arguments.json.write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -18,6 +18,7 @@ from pathlib import Path
 from warpsph.case.case_file import load_case
 from warpsph.errors import WarpsphError
 from warpsph.simulation import Simulation
+from warpsph.study.provenance import provenance
 
 CASES = Path(__file__).resolve().parent.parent / "cases"
 
@@ -100,7 +101,7 @@ def main() -> int:
     Console(width=200).print(table)
     if options.json is not None:
         command = "python scripts/isph_variants.py " + " ".join(sys.argv[1:])
-        data = {"command": command, "device": options.device, "variants": rows}
+        data = {**provenance(), "command": command, "device": options.device, "variants": rows}
         options.json.write_text(json.dumps(data, indent=1) + "\n", encoding="utf-8")
     return 0
 

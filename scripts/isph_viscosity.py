@@ -23,6 +23,7 @@ from warpsph.case.case_file import load_case
 from warpsph.errors import WarpsphError
 from warpsph.schemes import isph_physics as incompressible
 from warpsph.simulation import Simulation
+from warpsph.study.provenance import provenance
 
 CASES = Path(__file__).resolve().parent.parent / "cases"
 DECAY = "exp(-8*pi**2*t)"
@@ -114,7 +115,7 @@ def main() -> int:
     Console(width=200).print(table)
     if options.json is not None:
         command = "python scripts/isph_viscosity.py " + " ".join(sys.argv[1:])
-        data = {"command": command, "device": options.device, "threads": options.threads, "rows": rows}
+        data = {**provenance(), "command": command, "device": options.device, "threads": options.threads, "rows": rows}
         options.json.write_text(json.dumps(data, indent=1) + "\n", encoding="utf-8")
     return 0
 

@@ -44,6 +44,8 @@ from typing import Any
 
 import numpy as np
 
+from warpsph.study.provenance import provenance
+
 sys.path.insert(0, str(Path(__file__).parent))  # when imported instead of run
 import random_scenes  # noqa: E402
 
@@ -511,7 +513,7 @@ def run_scenes(chosen: argparse.Namespace) -> int:
         chosen.json.parent.mkdir(parents=True, exist_ok=True)
         head = {key: getattr(chosen, key) for key in ("device", "gpu_share", "scenes", "seed")}
         head |= {"command": "python " + " ".join(sys.argv), "steps": steps, "missed": missed}
-        chosen.json.write_text(json.dumps(plain({**head, "rows": rows}), indent=1))
+        chosen.json.write_text(json.dumps(plain({**provenance(), **head, "rows": rows}), indent=1))
     return 1 if failed else 0
 
 
@@ -573,7 +575,7 @@ def main(arguments: list[str] | None = None) -> int:
     if chosen.json:
         chosen.json.parent.mkdir(parents=True, exist_ok=True)
         head = {"device": chosen.device, "threads": chosen.threads, "steps": steps, "seed": chosen.seed, "missed": missed}
-        chosen.json.write_text(json.dumps(plain({**head, "rows": rows}), indent=1))
+        chosen.json.write_text(json.dumps(plain({**provenance(), **head, "rows": rows}), indent=1))
     return 1 if failed else 0
 
 

@@ -14,6 +14,7 @@ from warpsph.kernels.core.spec import types
 
 from .decorators import exact_kernel, make_sweep
 from .products import make_product
+from .reductions import make_sums
 from .solve_state import (
     ALPHA,
     BETA,
@@ -29,7 +30,6 @@ from .solve_state import (
     SHADOW2,
     ZERO,
 )
-from .sums import make_sums
 
 
 @functools.cache

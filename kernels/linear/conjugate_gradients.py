@@ -10,6 +10,7 @@ from warpsph.kernels.core.spec import types
 
 from .decorators import exact_kernel, make_sweep
 from .products import make_product
+from .reductions import make_sums
 from .solve_state import (
     ALPHA,
     BETA,
@@ -30,7 +31,6 @@ from .solve_state import (
     TOLERANCE,
     ZERO,
 )
-from .sums import make_sums
 
 # Residuals of conjugate gradients grow at first, in a large system to a hundred times |b|, and the recurrence keeps the
 # rounding of the largest: its unit, relative to it. Where that counts beside the tolerance, r is evaluated as soon as it has

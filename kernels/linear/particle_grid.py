@@ -11,8 +11,8 @@ from warpsph.kernels.core.spec import types
 from .decorators import make_sweep
 from .levels import Level, coordinates, make_corners, make_frame, make_layout
 from .products import make_product
+from .reductions import make_sums
 from .solve_state import RESIDUAL_MEAN
-from .sums import make_sums
 
 
 @functools.cache

@@ -14,6 +14,7 @@ from warpsph.kernels.core.spec import types
 
 from .decorators import exact_kernel, make_sweep
 from .products import make_product
+from .reductions import make_sums
 from .solve_state import (
     ACTIVE,
     BETA,
@@ -50,7 +51,6 @@ from .solve_state import (
     WORST_RESIDUAL,
     ZERO,
 )
-from .sums import make_sums
 
 PATIENCE = 2  # restarts without gain before a solve counts as stalled
 GAIN = 0.25  # of r.r that a restart must at least get down to

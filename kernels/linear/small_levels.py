@@ -13,8 +13,8 @@ from warpsph.kernels.core.spec import types
 from .decorators import make_sweep
 from .elements import make_coarse_element, make_node_stencil
 from .levels import Level, coordinates, make_layout
+from .reductions import barrier
 from .smoothers import make_smoothers
-from .sums import barrier
 from .transfer import make_transfer
 
 

@@ -82,7 +82,9 @@ def test_command(bench_skip, tmp_path, capsys):
     out = tmp_path / "skip.json"
     assert bench_skip.main(["--particles", "400", "--rounds", "1", "--window", "2", "--json", str(out)]) == 0
     text = capsys.readouterr().out
-    (found,) = json.loads(out.read_text())
+    record = json.loads(out.read_text())
+    assert {"commit", "dirty", "date"} <= set(record)
+    (found,) = record["rows"]
     assert [row["scene"] for row in found["rows"]] == [*bench_skip.scenes(20), "leanest by hand"]
     for row in found["rows"]:
         assert row["scene"] in text and row["ms_per_step"] > 0

@@ -122,7 +122,7 @@ def test_the_limit_is_for_the_time_before_a_rupture(compare_runs, tmp_path, caps
     assert compare_runs.main([*runs, "--limit", "0.2", "--until", "1.0"]) == 1
     table = tmp_path / "rows.json"
     assert compare_runs.main([*runs, "--times", "0.5", "--json", str(table)]) == 0
-    (row,) = json.loads(table.read_text())
+    (row,) = json.loads(table.read_text())["rows"]
     assert row["time"] == 0.5 and row["share"] > 0.05
 
 

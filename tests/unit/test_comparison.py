@@ -1,6 +1,7 @@
 """Errors against references: every norm by hand, files and memory alike; what is not comparable says why."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,7 +11,9 @@ from warpsph.errors import CaseError
 from warpsph.files.output import RunFolder
 from warpsph.measure.gauges import GaugeSet
 from warpsph.snapshot import FLUID, WALL, Snapshot
-from warpsph.study.comparison import compare, format_comparison, particle_norm, pick_column
+from warpsph.study.comparison import compare, format_comparison
+from warpsph.study.norms import extreme, particle_norm, period
+from warpsph.study.results import pick_column
 
 GAUGES = {
     "energy": {"type": "energy", "interval": 0.1},
@@ -195,8 +198,6 @@ def test_extremes_lie_between_the_rows(run, reduce, formula, value, unit):
 
 def test_a_symmetric_peak_is_found_where_it_is():
     """The cubic's first coefficient is rounding alone there, of which the root must not be lost."""
-    from warpsph.study.comparison import extreme
-
     t = np.linspace(0.05, 0.15, 11)
     assert extreme(t, np.sin(5 * np.pi * t), True) == pytest.approx((0.1, 1.0), rel=2e-3)
     assert extreme(t, np.full(11, 3.0), True)[1] == pytest.approx(3.0)
@@ -648,49 +649,166 @@ def test_particle_norm_of_equal_fields_is_zero():
 
 
 def interface_case(folder, **changes):
-    """Gas inside of the diamond |x| + |y| < 1 of the file, whose unit is 2 m and of which the right half is stored."""
+    """Gas inside of the diamond |x| + |y| < 1.05 of the file, whose unit is 2.1 m and of which the right half is stored."""
     (folder / "line.csv").write_text("x1,y1,x2,y2\n0,0.5,0.5,0\n0.5,0,0,-0.5\n")
-    line = {"file": "line.csv", "time": 0.5, "scale": 2.0, "mirror": 0.0, **changes.pop("line", {})}
+    line = {"file": "line.csv", "time": 0.5, "scale": 2.1, "mirror": 0.0, **changes.pop("line", {})}
     return make_case({"shape": {"phase": "gas", "interface": line, **changes}}, folder)
 
 
+def filled(lower=(-1, -1), upper=(1, 1), spacing=0.1, at=0.5) -> Snapshot:
+    """Cells of a box, each with a particle in the middle; gas where |x| + |y| < 1.05, liquid elsewhere."""
+    axes = [np.arange(low + spacing / 2, high, spacing) for low, high in zip(lower, upper, strict=True)]
+    position = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
+    n = len(position)
+    phase = np.where(np.abs(position).sum(axis=1) < 1.05, 0, 1).astype(np.int32)
+    return Snapshot(
+        time=at, step=5, dt=0.1, dimension=2, position=position, velocity=np.zeros((n, 2)), density=np.full(n, 1000.0),
+        pressure=np.zeros(n), mass=np.full(n, 1000 * spacing**2), volume=np.full(n, spacing**2), phase=phase,
+        particle_id=np.arange(n), kind=np.full(n, FLUID, np.uint8), particle_spacing=spacing,
+    )  # fmt: skip
+
+
 def test_area_on_the_wrong_side_of_an_interface(tmp_path):
-    particles = make_particles()  # at (0.1, 0.2), (0.3, -0.4) inside; (-0.5, 0.6), (0.7, 0.8) outside, twice as large
-    particles.phase[:4] = [0, 1, 1, 0]
-    result = one(interface_case(tmp_path, allowed=0.5), snapshot=particles)
-    assert (result["value"], result["reference"], result["unit"]) == (3.0, 5.0, "m^2")
-    assert result["error"] == pytest.approx(3 / 5)
+    particles = filled()
+    assert one(interface_case(tmp_path), snapshot=particles)["error"] == 0.0
+    gas, liquid = np.flatnonzero(particles.phase == 0), np.flatnonzero(particles.phase == 1)
+    particles.phase[[gas[0], gas[5], liquid[3]]] = [1, 1, 0]
+    result = one(interface_case(tmp_path, allowed=0.005), snapshot=particles)
+    assert (result["value"], result["reference"], result["unit"]) == (pytest.approx(0.03), pytest.approx(4.0), "m^2")
+    assert result["error"] == pytest.approx(0.03 / 4)
     assert result["passed"] is False
-    assert result["note"] == "of the area of all fluid at t = 0.5 s; 33 % of it where gas should be"
+    assert result["note"] == "of the area of all fluid at t = 0.5 s; 67 % of it where gas should be"
     against_gas = one(interface_case(tmp_path, relative_to="phase"), snapshot=particles)
-    assert against_gas["reference"] == 2.0
-    assert against_gas["error"] == pytest.approx(1.5)
-    right = make_particles()
-    right.phase[:4] = [0, 0, 1, 1]
-    assert one(interface_case(tmp_path), snapshot=right)["error"] == 0.0
-    # moved to the right, the diamond holds the last particle too
-    right.phase[3] = 0
+    assert against_gas["reference"] == pytest.approx(0.01 * len(gas))
+    assert against_gas["error"] == pytest.approx(0.03 / (0.01 * len(gas)))
+    # moved to the right, the diamond leaves gas behind
     moved = interface_case(tmp_path, line={"offset": [0.8, 0.0], "mirror": 0.8})
-    assert one(moved, snapshot=right)["value"] == 0.0
+    assert one(moved, snapshot=filled())["value"] > 0.5
+
+
+def test_fluid_that_is_missing_is_on_the_wrong_side_too(tmp_path):
+    """Of a hole, and of a drop that shrank, no particle is where it should not be."""
+    whole = filled()
+    hole = np.abs(whole.position).max(axis=1) < 0.4  # 8 x 8 particles
+    result = one(interface_case(tmp_path), snapshot=whole.select(~hole))
+    assert result["value"] == pytest.approx(0.64, rel=0.1)
+    assert result["note"].endswith("100 % of it where gas should be, 100 % without any fluid")
+    # 0.36 m^2 of this hole lie in the gas, the rest in the liquid, where the interface does not say what should be
+    aside = np.abs(whole.position - (0.5, 0.5)).max(axis=1) < 0.4
+    assert one(interface_case(tmp_path), snapshot=whole.select(~aside))["value"] == pytest.approx(0.36, rel=0.1)
+    # one particle of a lattice leaves no gap that counts; what a body takes is not missing
+    assert one(interface_case(tmp_path), snapshot=whole.select(np.arange(len(whole)) != 210))["error"] == 0.0
+    whole.kind[hole] = WALL
+    assert one(interface_case(tmp_path), snapshot=whole)["value"] == 0.0
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.2])
+def test_a_patch_with_a_free_surface_against_its_outline(tmp_path, noise):
+    """Its own outline, and one that is a tenth longer to the right."""
+    (tmp_path / "square.csv").write_text("x1,y1,x2,y2\n-.5,-.5,.5,-.5\n.5,-.5,.5,.5\n.5,.5,-.5,.5\n-.5,.5,-.5,-.5\n")
+    data = make_case({}, tmp_path).to_dict()
+    data["domain"]["boundary"] = {"x": "open", "y": "open"}
+    data["particle_spacing"] = 0.02
+    data["phases"] = {"liquid": {"density": 1000.0}}
+    data["fluids"] = [{"phase": "liquid", "shape": {"box": {"lower": [-0.5, -0.5], "upper": [0.5, 0.5]}}}]
+    line = {"file": "square.csv", "time": 0.5}
+    data["reference"] = {"outline": {"phase": "liquid", "interface": line, "relative_to": "domain"}}
+    case = Case.from_dict(data, tmp_path)
+    patch = filled((-0.5, -0.5), (0.5, 0.5), spacing=0.02)
+    patch.phase[:] = 0
+    patch.position += 0.02 * noise * np.random.default_rng(1).uniform(-1, 1, patch.position.shape)
+    assert one(case, snapshot=patch)["error"] < (0.008 if noise else 1e-9)  # 0.1 spacings along the outline
+    short = patch.select(patch.position[:, 0] < 0.4)
+    result = one(case, snapshot=short)
+    assert result["value"] == pytest.approx(0.1, rel=0.05)
+    assert result["error"] == pytest.approx(0.1 / 0.9, rel=0.05)
+    patch.position[:, 0] *= 1.2  # beyond the outline instead: the particles there count
+    assert one(case, snapshot=patch)["error"] == pytest.approx(0.2 / 1.2, rel=0.1)
+
+
+@pytest.mark.parametrize("side", ["wall", "periodic"])
+def test_nothing_is_missing_beyond_a_side(tmp_path, side):
+    (tmp_path / "low.csv").write_text("x1,y1,x2,y2\n-1,0,1,0\n")
+    data = make_case({"low": {"phase": "liquid", "interface": {"file": "low.csv", "time": 0.5}}}, tmp_path).to_dict()
+    data["domain"]["boundary"] = {"x": side, "y": "wall"}
+    particles = filled()
+    particles.phase[:] = np.where(particles.position[:, 1] < 0, 1, 0)
+    particles.position *= 0.995  # compressed by half of what a column of particles takes
+    assert one(Case.from_dict(data, tmp_path), snapshot=particles)["value"] == 0.0
 
 
 def test_an_interface_needs_the_particles_of_its_time(tmp_path):
     case = interface_case(tmp_path)
     with RunFolder(tmp_path / "run") as folder:
         for time in (0.25, 0.5, 0.75):
-            particles = make_particles(time)
-            particles.phase[:4] = [0, 0, 1, 0] if time == 0.5 else [1, 1, 1, 1]
+            particles = filled(at=time)
+            particles.phase[:3] = 0 if time == 0.5 else 1
             folder.write_particles(particles)
-    volume = 1e-3  # of the last particle, from its mass and density
-    assert one(case, folder.path)["value"] == pytest.approx(volume)
-    assert one(case, frames=folder.path, snapshot=make_particles(0.75))["value"] == pytest.approx(volume)
+    area = 3 * 0.01
+    assert one(case, folder.path)["value"] == pytest.approx(area)
+    assert one(case, frames=folder.path, snapshot=filled(at=0.75))["value"] == pytest.approx(area)
     late = interface_case(tmp_path, line={"time": 2.0})
     assert one(late, folder.path)["note"] == "not reached: needs t = 2 s, the run ended at 0.75 s"
     between = interface_case(tmp_path, line={"time": 0.4})
     assert one(between, folder.path)["note"] == "there is no particle file of t = 0.4 s"
-    assert one(case, snapshot=make_particles(0.4))["note"] == "there is no particle file of t = 0.5 s"
+    assert one(case, snapshot=filled(at=0.4))["note"] == "there is no particle file of t = 0.5 s"
     (tmp_path / "line.csv").write_text("a,b\n1,2\n")
     assert "line.csv" in one(case, folder.path)["note"]
+
+
+def test_walls_in_the_files_are_not_missing(tmp_path):
+    particles = filled()
+    particles.kind[np.abs(particles.position).max(axis=1) < 0.4] = WALL
+    with RunFolder(tmp_path / "run") as folder:
+        folder.write_particles(particles)
+        folder.write_particles(replace(particles, time=0.75))
+    assert one(interface_case(tmp_path), folder.path)["value"] == 0.0
+    assert one(interface_case(tmp_path, line={"time": 0.75}), folder.path)["value"] == 0.0
+
+
+# -- ways moved --------------------------------------------------------------------------------------------
+
+
+def test_the_error_of_a_place_is_one_of_the_way_moved(run):
+    entry = {"gauge": "jump", "column": "gas", "reduce": "final", "value": 4.2, "moved_from": 3.2, "allowed": 0.1}
+    result = one(make_case({"place": entry}), run)  # 4 instead of 4.2: 4.8 % of the coordinate
+    assert result["error"] == pytest.approx(-0.2)
+    assert result["passed"] is False and result["note"] == "of the way of 1 Pa"
+    back = one(make_case({"place": {**entry, "moved_from": 5.2}}), run)
+    assert back["error"] == pytest.approx(-0.2)  # too low, whichever way it went
+
+
+def test_a_curve_of_a_place_is_compared_by_the_way_moved(run, tmp_path):
+    (tmp_path / "way.csv").write_text("t,x\n0,3\n1,5\n")
+    curve = {"file": "way.csv", "time": "t", "value": "x"}
+    entry = {"gauge": "jump", "column": "gas", "curve": curve, "moved_from": 3, "norm": "max"}
+    result = one(make_case({"way": entry}, tmp_path), run)
+    assert (result["value"], result["reference"], result["error"]) == (4.0, 5.0, pytest.approx(0.5))
+    assert result["note"] == "compared over 0 to 1 s, of the way of 2 Pa, largest at 1 s"
+    half = one(make_case({"way": {**entry, "window": [0, 0.5]}}, tmp_path), run)
+    assert half["error"] == pytest.approx(0.5)  # of the way within the window
+    rms = one(make_case({"way": {**entry, "norm": "rms"}}, tmp_path), run)
+    assert rms["error"] == pytest.approx(np.sqrt(np.mean((np.arange(11) / 10) ** 2)) / 2)
+    reduced = one(make_case({"way": {**entry, "reduce": "final"}}, tmp_path), run)
+    assert reduced["error"] == pytest.approx(-0.5)
+    (tmp_path / "way.csv").write_text("t,x\n0,3\n1,3\n")
+    assert "stays at 3" in one(make_case({"way": entry}, tmp_path), run)["note"]
+
+
+@pytest.mark.parametrize(
+    ("changes", "complaint"),
+    [
+        ({"moved_from": 1.5}, "place.moved_from: 1.5 -> is the reference itself"),
+        ({"value": None, "curve": {"file": "way.csv", "time": "t", "value": "x"}, "relative_to": "absolute"},
+         "place.relative_to: absolute -> with moved_from the error is divided by the way moved"),
+    ],
+)  # fmt: skip
+def test_a_way_moved_that_is_none_is_refused(tmp_path, changes, complaint):
+    (tmp_path / "way.csv").write_text("t,x\n0,3\n1,5\n")
+    entry = {"gauge": "jump", "column": "gas", "value": 1.5, "moved_from": 1, **changes}
+    with pytest.raises(CaseError) as caught:
+        make_case({"place": {key: value for key, value in entry.items() if value is not None}}, tmp_path)
+    assert complaint in str(caught.value)
 
 
 # -- from memory, and as text ------------------------------------------------------------------------------
@@ -740,8 +858,6 @@ def test_text_of_the_results(run):
 
 
 def test_period_is_the_time_between_upward_crossings():
-    from warpsph.study.comparison import period
-
     times = np.linspace(0.0, 10.0, 401)
     values = 3.0 + np.exp(-0.05 * times) * np.cos(2.0 * np.pi * times / 2.5)
     assert period(times, values) == pytest.approx(2.5, rel=5e-3)

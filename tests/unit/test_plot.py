@@ -11,6 +11,7 @@ from warpsph.errors import CaseError
 from warpsph.files.output import RunFolder
 from warpsph.snapshot import FLUID, WALL, Snapshot
 from warpsph.study import plot
+from warpsph.study.segments import read_segments
 
 SPACING = 0.1
 PNG = b"\x89PNG\r\n\x1a\n"
@@ -360,11 +361,11 @@ def table(path, text):
 )
 def test_segments_are_read_scaled_moved_and_mirrored(tmp_path, heading):
     path = table(tmp_path / "a.csv", f"# computed\n{heading}\n1,2,3,4,left\n\n0,0,0.5,-1\n")
-    found = plot.read_segments(path)
+    found = read_segments(path)
     np.testing.assert_array_equal(found, [[[1, 2], [3, 4]], [[0, 0], [0.5, -1]]])
-    found = plot.read_segments(path, scale=2.0, offset=(10.0, 0.5))
+    found = read_segments(path, scale=2.0, offset=(10.0, 0.5))
     np.testing.assert_array_equal(found, [[[12, 4.5], [16, 8.5]], [[10, 0.5], [11, -1.5]]])
-    both = plot.read_segments(path, scale=2.0, offset=(10.0, 0.5), mirror=11.0)
+    both = read_segments(path, scale=2.0, offset=(10.0, 0.5), mirror=11.0)
     np.testing.assert_array_equal(both[:2], found)
     np.testing.assert_array_equal(both[2:], [[[10, 4.5], [6, 8.5]], [[12, 0.5], [11, -1.5]]])
 
@@ -395,7 +396,7 @@ def test_what_is_no_table_of_segments_is_told(tmp_path, text, keywords, expected
     if text is not None:
         path.write_bytes(text if isinstance(text, bytes) else text.encode())
     with pytest.raises(CaseError, match=expected):
-        plot.read_segments(path, **keywords)
+        read_segments(path, **keywords)
 
 
 def test_segments_are_drawn_apart_on_top_of_every_panel(tmp_path, drawn):

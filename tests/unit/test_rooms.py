@@ -31,13 +31,14 @@ ROOMS = {
     "running": ("warpsph.running",),
     "study": ("warpsph.study",),
     "simulation": ("warpsph.simulation",),
-    "validation": ("warpsph.study.validation",),
+    "validation": ("warpsph.study.validation", "warpsph.study.baseline"),
     "command line": ("warpsph.cli", "warpsph.__main__"),
 }
 ORDER = list(ROOMS)
 
 # Still to be split; a file or factory that no longer needs its entry fails, so that the lists end up empty.
-LONG_FILES = {"warpsph/study/comparison.py", "warpsph/study/plot.py"}
+LONG_FILES: set[str] = set()
+# A sweep whose parts round otherwise than the whole: cutting it moves the last bit of every result.
 LONG_FACTORIES = {"kernels/riemann/momentum.py: make_momentum"}
 
 

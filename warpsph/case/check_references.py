@@ -55,6 +55,7 @@ def _check_reference(case: Any, folder: Path | None, raw: Any, name: Any, refere
     gauge = case.gauges[reference.gauge]
     kind = gauge.type
     yield from _check_reduce(path, reference)
+    yield from _check_moved(path, reference)
     yield from guarded(_check_column(case, path, reference, gauge))
     if isinstance(reference, ReferenceCurves):
         if kind != "line":
@@ -99,6 +100,18 @@ def _check_reduce(path: str, reference: Any) -> Problems:
         if reference.relative_to not in ("peak", "absolute"):
             rule = "with reduce the error is relative to the number of the curve, or absolute"
             yield Problem(f"{path}.relative_to", reference.relative_to, rule, "delete it, or write absolute")
+
+
+def _check_moved(path: str, reference: Any) -> Problems:
+    """A way moved is something else than what the error is divided by without it, and is not nothing."""
+    if getattr(reference, "moved_from", None) is None:
+        return
+    if isinstance(reference, ReferenceValue) and reference.value == reference.moved_from:
+        rule = "is the reference itself: there is no way that the error could be divided by"
+        yield Problem(f"{path}.moved_from", reference.moved_from, rule, "give where it started, or delete it")
+    if isinstance(reference, ReferenceCurve) and reference.relative_to != "peak":
+        rule = "with moved_from the error is divided by the way moved"
+        yield Problem(f"{path}.relative_to", reference.relative_to, rule, "delete one of both")
 
 
 def _check_column(case: Any, path: str, reference: Any, gauge: Any) -> Problems:

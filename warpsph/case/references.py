@@ -87,6 +87,12 @@ class ReferenceValue(_Reference):
         examples=["2"],
     )
     value: Number = Field(description="the reference, in the unit of the column", examples=["1.72"])
+    moved_from: Number | None = Field(
+        default=None,
+        description="where a place that moves started, in the unit of the column: the error is divided by the way from "
+        "there to the reference, not by a coordinate",
+        examples=["0.5"],
+    )
 
 
 class Curve(CaseModel):
@@ -136,6 +142,12 @@ class ReferenceCurve(_Reference):
         description="what the error is divided by; absolute: by nothing, in the unit of the column. With reduce: by the "
         "number of the curve, or absolute",
         examples=["peak"],
+    )
+    moved_from: Number | None = Field(
+        default=None,
+        description="where a place that moves started, in the unit of the column: the error is divided by the way from "
+        "there to the reference (the farthest that the curve gets), not by a coordinate",
+        examples=["0.5"],
     )
 
 

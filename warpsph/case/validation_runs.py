@@ -20,8 +20,9 @@ from warpsph.case.values import (
     bad_value,
 )
 
-VALIDATION_LEVELS = ("quick", "seed", "fine")
-"""How much work a validation is: minutes on a CPU, the resolution of the published study, finer on a GPU."""
+VALIDATION_LEVELS = ("quick", "seed", "fine", "ci")
+"""How much work a validation is: minutes on a CPU, the resolution of the published study, finer on a GPU; ci is so coarse
+or short that every case is run for each change of the program, and its errors are held to recorded ones."""
 
 _RUN_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.+=/ -]{0,39}")
 
@@ -106,6 +107,11 @@ class Validation(CaseModel):
         default=(),
         description="finer runs, for a GPU",
         examples=['[{name: "200", changes: {particle_spacing: 2/200}}]'],
+    )
+    ci: _Runs = Field(
+        default=(),
+        description="runs of seconds, whose errors are held to recorded ones",
+        examples=['[{name: "26", changes: {particle_spacing: 2/26}}]'],
     )
     figure: ValidationFigure | None = Field(
         default=None, description="pictures of the particles", examples=["{field: phase, times: [0, 1]}"]

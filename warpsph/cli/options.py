@@ -20,6 +20,7 @@ class Level(StrEnum):
     quick = "quick"
     seed = "seed"
     fine = "fine"
+    ci = "ci"
 
 
 CaseFile = Annotated[Path, typer.Argument(metavar="CASE", help="Case file (YAML).", show_default=False)]

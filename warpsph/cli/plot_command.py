@@ -71,7 +71,7 @@ def plot(
 
             raise CaseError(problems)
         if over is not None:
-            from warpsph.study.plot import read_segments
+            from warpsph.study.segments import read_segments
 
             offset = (0.0, 0.0) if over_offset is None else parse_numbers(over_offset, "--over-offset", "0.5,0")
             scale = 1.0 if over_scale is None else over_scale

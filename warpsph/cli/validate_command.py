@@ -24,11 +24,17 @@ def validate(
         typer.Argument(metavar="[NAME]...", help="Cases, or single runs as CASE-RUN; * and ? stand for anything."),
     ] = None,
     level: Annotated[
-        Level, typer.Option(help="How much work: minutes on a CPU, as in the published study, or finer.")
+        Level,
+        typer.Option(
+            help="How much work: minutes on a CPU, as in the published study, finer; ci: seconds, errors held to a record."
+        ),
     ] = Level.quick,
     device: Annotated[str, typer.Option(help="Device to run on: cpu, cuda:0, ...")] = "cpu",
     precision: PrecisionOption = None,
-    threads: Annotated[int | None, typer.Option(min=1, help="CPU threads (default: all).")] = None,
+    threads: Annotated[
+        int | None, typer.Option(min=1, help="CPU threads of a run (default: all; 1 of several runs at a time).")
+    ] = None,
+    processes: Annotated[int, typer.Option(min=1, help="Runs at the same time.")] = 1,
     cases: Annotated[
         list[Path] | None, typer.Option(help="Folder of case files, or a case file (default: the shipped ones).")
     ] = None,
@@ -43,6 +49,12 @@ def validate(
         Path | None, typer.Option(metavar="FOLDER", help="Only draw the figures of an output folder.")
     ] = None,
     keep: Annotated[bool, typer.Option("--keep-runs/--drop-runs", help="Keep the run folders.")] = True,
+    baseline: Annotated[
+        Path | None, typer.Option(help="Level ci: the recorded errors (default: benchmarks/baseline_ci.json).")
+    ] = None,
+    record: Annotated[
+        bool, typer.Option("--record", help="Level ci: measure the noise too, and write both to --baseline.")
+    ] = False,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Check the cases and list the runs.")] = False,
     debug: Debug = False,
 ) -> None:
@@ -51,6 +63,7 @@ def validate(
     with reported(debug, lambda: folder):
         from warpsph.errors import CaseError
         from warpsph.study import validation
+        from warpsph.study.baseline import Held
 
         if figures_from is not None:
             written, notes = validation.draw_figures(figures_from, _reference_folders(cases))
@@ -63,12 +76,17 @@ def validate(
         problems = [*device_problems(device), *([] if resume else output_problems(output, None))]
         if resume and output is None:
             problems.append(problem("--continue", True, "needs --output", "name the folder to go on in"))
+        if level is not Level.ci and (record or baseline is not None):
+            problems.append(problem("--record" if record else "--baseline", True, "belongs to --level ci", "add it"))
         try:
             runs = validation.plan(level.value, names or [], cases or [], None if precision is None else precision.value)
         except CaseError as error:
             problems = [*error.problems, *problems]
         if problems:
             raise CaseError(problems)
+        held = None if level is not Level.ci else Held(runs, baseline, record, whole=not names and not cases)
+        if held is not None:
+            runs = held.runs
         if dry_run:
             rows = [(run.case_name, run.run.name, f"{run.case.spacing:.4g} m", dict(run.run.changes)) for run in runs]
             print_table(f"Runs of the level {level.value}", ["case", "run", "spacing", "changes"], rows, width=160)
@@ -83,16 +101,20 @@ def validate(
             runs,
             folder,
             device=device,
-            threads=threads,
+            threads=threads if threads is not None or processes == 1 else 1,
             command=f"python -m warpsph {shlex.join(sys.argv[1:])}",
+            processes=processes,
+            seconds=None if held is None else held.seconds,
             draw=draw,
             keep=keep,
             earlier=earlier,
             started=_validation_progress,
             finished=_print_validated,
         )
-        _print_validation(table, folder)
-        raise typer.Exit(table.exit_code)
+        if held is None or table.interrupted:
+            _print_validation(table, folder)
+            raise typer.Exit(table.exit_code)
+        raise typer.Exit(_print_held(held, table, folder))
 
 
 def _reference_folders(cases: list[Path] | None) -> list[Path]:
@@ -142,3 +164,18 @@ def _print_validation(table: Any, folder: Path) -> None:
         str(folder),
     ]
     print(", ".join(facts) + (" (interrupted)" if table.interrupted else ""))
+
+
+def _print_held(held: Any, table: Any, folder: Path) -> int:
+    """What the errors of a table are against the recorded ones, but for those that are held; the exit code."""
+    from warpsph.study.baseline import told
+
+    verdicts = held.verdicts(table)
+    rows = [told(verdict) for verdict in verdicts if verdict.outcome != "held" or verdict.fails]
+    if rows:
+        columns = ["case", "run", "quantity", "error", "recorded", "noise", "allowed", "verdict"]
+        print_table("Against the record", columns, rows, align="lllrrrrl", width=180)
+    for line in held.lines(verdicts):
+        print(line)
+    print(f"{len(table.runs)} runs, {duration(sum(run['seconds'] for run in table.runs))} one after another, {folder}")
+    return int(held.exit_code(verdicts))

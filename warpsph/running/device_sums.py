@@ -50,6 +50,7 @@ class DeviceSums:
                 "cuts": self._cuts,
                 "periods": self._periods,
             },
+            particles.declared,
         )
         self._reductions: dict[str, tuple[Task, Any, Any]] = {}
 

@@ -20,6 +20,7 @@ from warpsph.errors import CaseError, Problem
 from warpsph.files.whole_files import whole_file
 from warpsph.study import plot
 from warpsph.study.comparison import Compared, compared
+from warpsph.study.segments import read_segments
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -203,7 +204,7 @@ def _interfaces(case: Case, time: float) -> list[np.ndarray]:
     lines = [entry.interface for entry in case.reference.values() if isinstance(entry, ReferenceInterface)]
     here = {line.file: line for line in lines if math.isclose(line.time, time, rel_tol=_SAME_TIME, abs_tol=1e-9)}
     return [
-        plot.read_segments(case.reference_file(line.file), line.scale, line.offset, line.mirror) for line in here.values()
+        read_segments(case.reference_file(line.file), line.scale, line.offset, line.mirror) for line in here.values()
     ]
 
 

@@ -29,7 +29,6 @@ from warpsph.study.plot import (
     corners_of,
     draw_discs,
     draw_segments,
-    nearest_particles,
     phase_names,
     read_frame,
     read_series,
@@ -40,6 +39,7 @@ from warpsph.study.plot import (
     values_of,
     view_of,
 )
+from warpsph.study.raster import nearest_particles
 
 if TYPE_CHECKING:
     from PIL.Image import Image

@@ -1,9 +1,7 @@
 """Pictures of a run, made from its run folder: particles coloured by a field, and curves of its gauges."""
 
-import csv
 import math
-import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,11 +10,12 @@ import numpy as np
 
 from warpsph.case.case_file import read_yaml
 from warpsph.case.columns import FIELD_UNITS, VECTOR_FIELDS
-from warpsph.errors import CaseError, OutputError, Problem, listed
+from warpsph.errors import CaseError, OutputError, Problem
 from warpsph.files.output import Series
 from warpsph.files.vtp import read_vtp
 from warpsph.measure.gauge_files import read_gauge
 from warpsph.snapshot import Snapshot
+from warpsph.study.raster import owners
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -413,79 +412,19 @@ def draw_discs(panel: "Axes", position: np.ndarray, spacing: float, **style: Any
     return discs
 
 
-def nearest_particles(
-    position: np.ndarray,
-    lower: np.ndarray,
-    upper: np.ndarray,
-    shape: tuple[int, int],
-    radius: float,
-    depth: np.ndarray | None = None,
-) -> np.ndarray:
-    """(rows, columns) index of the particle nearest to the centre of each pixel, -1 where none is within `radius`.
-
-    position: (n, 2) [m]; those that are not finite are nowhere
-    lower, upper: corners of the picture [m]; row 0 is at the bottom
-    radius: of a particle [m]; it owns at least the pixel that it is in, unless another is nearer
-    depth: (n,) distance of the particles from the plane of the picture [m]; without it they lie in it
-    """
-    rows, columns = shape
-    # in pixels, centres at whole numbers
-    place = (position - lower) / (upper - lower) * (columns, rows) - 0.5
-    per_metre = max(columns / (upper[0] - lower[0]), rows / (upper[1] - lower[1]))
-    reach = max(radius * per_metre, math.sqrt(0.5))
-    with np.errstate(invalid="ignore"):
-        near = np.flatnonzero(((place > -1 - reach) & (place < np.array([columns, rows]) + reach)).all(axis=1))
-    place = place[near]
-    beyond = np.zeros(len(near)) if depth is None else (depth[near] * per_metre) ** 2
-    home = np.rint(place).astype(np.int64)
-    best = np.full(rows * columns, np.inf, np.float32)
-    owner = np.full(rows * columns, -1, np.int64)
-    limit = np.float32(reach * reach * (1 + 1e-5))
-
-    def candidates() -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
-        """Particles, pixels and the squares of their distances, for one offset from the home pixel at a time."""
-        width = math.ceil(reach)
-        for up in range(-width, width + 1):
-            for right in range(-width, width + 1):
-                column, row = home[:, 0] + right, home[:, 1] + up
-                distance = ((column - place[:, 0]) ** 2 + (row - place[:, 1]) ** 2 + beyond).astype(np.float32)
-                inside = (distance <= limit) & (column >= 0) & (column < columns) & (row >= 0) & (row < rows)
-                yield np.flatnonzero(inside), (row * columns + column)[inside], distance[inside]
-
-    for _, pixel, distance in candidates():
-        np.minimum.at(best, pixel, distance)
-    for particle, pixel, distance in candidates():
-        wins = distance == best[pixel]
-        owner[pixel[wins]] = near[particle[wins]]
-    return owner.reshape(rows, columns)
-
-
 def slice_owner(view: View, frame: Frame, shape: tuple[int, int]) -> np.ndarray:
     """(rows, columns) which particle of a frame, cut to the view, the slice meets in each pixel; -1 where none.
 
     Of a thin layer of centres a disordered fluid would show holes that are none: what fills them lies a little beside the
     plane. Each pixel belongs to the particle nearest to it in space. Holes into which a ball of _SLICE spacings radius does
-    not fit are closed, which is less than a particle sees around it; a surface is half a spacing outside of the outermost
-    particles.
+    not fit are closed, which is less than a particle sees around it.
 
     The fluid's particles count from 0, those of the walls go on behind them. Row 0 is at the bottom.
     """
     parts = [frame.fluid] if frame.wall is None else [frame.fluid, frame.wall]
     position = np.concatenate([view.place(part) for part in parts])
     depth = np.concatenate([view.depth(part) for part in parts])
-    # So far beyond the picture that what is empty around the scene is seen.
-    size = (view.upper - view.lower) / (shape[1], shape[0])
-    rim = math.ceil(_SLICE * view.spacing / size.min()) + 1
-    lower, upper = view.lower - rim * size, view.upper + rim * size
-    wide = shape[0] + 2 * rim, shape[1] + 2 * rim
-    owner = nearest_particles(position, lower, upper, wide, _SLICE * view.spacing, depth)
-    # Reaching so far closes holes, and pushes surfaces out by the same length: the latter is taken back from what is empty.
-    full = np.pad(owner >= 0, 1)
-    shore = ~full[1:-1, 1:-1] & (full[2:, 1:-1] | full[:-2, 1:-1] | full[1:-1, 2:] | full[1:-1, :-2])
-    row, column = np.nonzero(shore)
-    empty = lower + (np.column_stack([column, row]) + 0.5) * size
-    owner[nearest_particles(empty, lower, upper, wide, (_SLICE - 0.5) * view.spacing) >= 0] = -1
-    return owner[rim : rim + shape[0], rim : rim + shape[1]]
+    return owners(position, depth, view.lower, view.upper, shape, view.spacing, _SLICE)
 
 
 def slice_picture(view: View, frame: Frame, colours: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
@@ -550,76 +489,6 @@ def _with_unit(title: str, unit: str) -> str:
 
 
 # ---- reference interfaces over the particles ---------------------------------------------------------------
-
-
-SEGMENT_COLUMNS = ("x1", "y1", "x2", "y2")
-
-
-def read_segments(
-    path: Path | str,
-    scale: float = 1.0,
-    offset: Sequence[float] = (0.0, 0.0),
-    mirror: float | None = None,
-) -> np.ndarray:
-    """Read the segments of a reference interface, (n, 2, 2): of each the two ends, of these x and y [m].
-
-    path: CSV file whose first four columns are x1, y1, x2, y2; the names may go on (x1_over_R, "y1 [m]"), further
-        columns are left alone, as are blank lines and those that begin with #
-    scale: length of the file's unit [m]
-    offset: where the file's origin is in the scene [m]; added after scaling
-    mirror: x of an axis of symmetry in the scene [m]; the segments come twice, as they are and mirrored about it
-
-    Raises CaseError if the file cannot be read or is no such table, or a number is not finite.
-    """
-    needed = f"name a CSV file whose first columns are {', '.join(SEGMENT_COLUMNS)}"
-    given = {"over_scale": [scale], "over_offset": list(offset), "over_mirror": [] if mirror is None else [mirror]}
-    problems = [
-        Problem(key, numbers, "needs finite numbers", "write e.g. 0.5")
-        for key, numbers in given.items()
-        if not all(math.isfinite(number) for number in numbers)
-    ]
-    if scale == 0:
-        remedy = "give the length of the file's unit in m"
-        problems.append(Problem("over_scale", scale, "needs a number other than 0", remedy))
-    if len(offset) != 2:
-        problems.append(Problem("over_offset", list(offset), "needs two numbers", "write e.g. 0.5,0"))
-
-    def refuse(rule: str, remedy: str = needed) -> None:
-        raise CaseError([*problems, Problem("over", str(path), rule, remedy)])
-
-    rows: list[list[float]] = []
-    heading: list[str] | None = None
-    try:
-        with open(path, encoding="utf-8", newline="") as file:
-            reader = csv.reader(file)
-            for row in reader:
-                if not any(cell.strip() for cell in row) or row[0].lstrip().startswith("#"):
-                    continue
-                if heading is None:
-                    heading = [cell.strip() for cell in row[:4]]
-                    named = [re.match(r"[xy][12](?![0-9A-Za-z])", cell) for cell in heading]
-                    if tuple(match.group() if match else "" for match in named) != SEGMENT_COLUMNS:
-                        refuse(f"its first columns are {listed(heading)}")
-                    continue
-                try:
-                    numbers = [float(cell) for cell in row[:4]]
-                except ValueError:
-                    numbers = []
-                if len(numbers) != 4 or not all(math.isfinite(number) for number in numbers):
-                    refuse(f"line {reader.line_num} does not begin with four numbers", "correct or delete the line")
-                rows.append(numbers)
-    except OSError as error:
-        refuse(f"cannot be read: {error.strerror or error}")
-    except (UnicodeDecodeError, csv.Error):
-        refuse("is no CSV file")
-    if not rows:
-        refuse("holds no segments")
-    if problems:
-        raise CaseError(problems)
-    segments = np.array(rows, np.float64).reshape(-1, 2, 2) * scale + np.asarray(offset, np.float64)
-    if mirror is None:
-        return segments
-    return np.concatenate([segments, np.array([2.0 * mirror, 0.0]) + segments * np.array([-1.0, 1.0])])
 
 
 def draw_segments(panel: "Axes", segments: np.ndarray, colour: str = "black") -> "Line2D":

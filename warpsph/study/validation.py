@@ -18,11 +18,14 @@ import fnmatch
 import gc
 import json
 import math
+import multiprocessing
 import re
 import shutil
 import time
 import traceback
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import AbstractContextManager, nullcontext, suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -37,6 +40,8 @@ from warpsph.errors import CaseError, DivergenceError, Interrupted, OutputError,
 from warpsph.files.output import json_text
 from warpsph.files.whole_files import write_failure, write_text
 from warpsph.study import figures
+from warpsph.study.comparison import definition_of
+from warpsph.study.provenance import provenance
 
 if TYPE_CHECKING:
     from warpsph.simulation import Progress, Simulation
@@ -265,7 +270,7 @@ class Table:
             runs = [{**run, "rows": []} for run in data.pop("runs")]
             places = {(run["case"], run["run"]): run for run in runs}
             for row in data.pop("rows"):
-                kept = {key: row[key] for key in _ROW}
+                kept = {key: row.get(key) for key in _ROW}
                 places[row["case"], row["run"]]["rows"].append(kept)
         except (OSError, ValueError, LookupError, TypeError, AttributeError) as error:
             rule = f"holds no readable table.json ({type(error).__name__})"
@@ -279,7 +284,7 @@ class Table:
         return "".join("| " + " | ".join(_escaped(cell) for cell in line) + " |\n" for line in lines)
 
 
-_ROW = ("quantity", "value", "reference", "error", "allowed", "absolute", "outcome", "unit", "note", "source")
+_ROW = ("quantity", "value", "reference", "error", "allowed", "absolute", "outcome", "unit", "note", "source", "definition")
 
 
 def _escaped(cell: str) -> str:
@@ -370,42 +375,51 @@ def validate(
     device: str = "cpu",
     threads: int | None = None,
     command: str = "",
+    processes: int = 1,
+    seconds: Mapping[str, float] | None = None,
     draw: bool = True,
     keep: bool = True,
     earlier: Table | None = None,
     started: Started | None = None,
     finished: Callable[[dict[str, Any]], None] | None = None,
 ) -> Table:
-    """Run one after another, and write table and figures after each.
+    """Run one after another, or several at a time, and write table and figures after each.
 
     runs: see `plan`
     folder: output folder; made if it is not there
-    device, threads: as of `Simulation`
+    device, threads: as of `Simulation`; the threads are those of each run
+    processes: how many runs are made at the same time, each by a process of its own
+    seconds: what runs are expected to take, by their names: of runs at the same time the longest begin first
     command: command line, for the table
     draw: draw the figures; without matplotlib they are left out with a note
     keep: keep the run folders
     earlier: table of this folder to go on from: its finished runs count, the others are run again
-    started, finished: told of each run, before and after; `finished` gets its entry of the table
+    started, finished: told of each run, before and after; `finished` gets its entry of the table. Of runs at the same
+        time only the end is told
 
     Returns the table. A run that diverges or fails in another way is a row and does not stop the others; Ctrl-C ends
     with what is done. Raises CaseError if there is no such device, OutputError if the table cannot be written.
     """
     table = Table(_about(runs, device, threads, command))
     if earlier is not None:
-        table.about = {**earlier.about, "command": command}
+        table.about = {**earlier.about, **provenance(), "command": command}
         table.runs = [run for run in earlier.runs if run["status"] == "finished"]
     done = {(run["case"], run["run"]) for run in table.runs}
     if draw and not figures.can_draw():
         draw = False
         table.notes.append(f"matplotlib is not installed: no figures; draw them later with --figures-from {folder}")
     _make(folder)
-    for number, run in enumerate(runs, 1):
-        if (run.case_name, run.run.name) in done:
-            continue
-        place = _free(folder / "runs" / run.name)
-        try:
-            with started(run, number, len(runs)) if started is not None else nullcontext() as progress:
-                entry = _execute(run, place, table.about, device, threads, progress)
+    left = [run for run in runs if (run.case_name, run.run.name) not in done]
+    places = {run.name: _free(folder / "runs" / run.name) for run in left}
+    if processes > 1:
+        expected = seconds or {}
+        left.sort(key=lambda run: expected.get(run.name, 0.0), reverse=True)
+        outcomes = _side_by_side(left, places, table.about, device, threads, processes)
+    else:
+        outcomes = _in_turn(left, places, table.about, device, threads, len(done), started)
+    try:
+        for run, entry in outcomes:
+            place = places[run.name]
             table.runs.append({**entry, "folder": place.relative_to(folder).as_posix()})
             table.write(folder)
             if finished is not None:
@@ -413,18 +427,80 @@ def validate(
             if draw:
                 note = _draw(folder, table.runs[-1], ())
                 table.notes += [note] if note else []
-        except (Interrupted, KeyboardInterrupt):
-            table.interrupted = True
-            break
-        if not keep:
-            shutil.rmtree(place, ignore_errors=True)
+            if not keep:
+                shutil.rmtree(place, ignore_errors=True)
+    except (Interrupted, KeyboardInterrupt):
+        table.interrupted = True
+    finally:
+        outcomes.close()
+    if processes > 1:  # in the order of the plan, not of their ends
+        order = {(run.case_name, run.run.name): position for position, run in enumerate(runs)}
+        table.runs.sort(key=lambda entry: order.get((entry["case"], entry["run"]), len(order)))
     table.write(folder)
     return table
+
+
+_Outcomes = Generator[tuple[Planned, dict[str, Any]], None, None]
+
+
+def _in_turn(
+    runs: Sequence[Planned],
+    places: Mapping[str, Path],
+    about: dict[str, Any],
+    device: str,
+    threads: int | None,
+    done: int,
+    started: Started | None,
+) -> _Outcomes:
+    """Make one run after the other in this process; `done` is how many were made before."""
+    for number, run in enumerate(runs, done + 1):
+        with started(run, number, done + len(runs)) if started is not None else nullcontext() as progress:
+            entry = _execute(run, places[run.name], about, device, threads, progress)
+        yield run, entry
+
+
+def _side_by_side(
+    runs: Sequence[Planned],
+    places: Mapping[str, Path],
+    about: dict[str, Any],
+    device: str,
+    threads: int | None,
+    processes: int,
+) -> _Outcomes:
+    """Make several runs at the same time, each in a process of its own, in the order of their ends.
+
+    The processes are started anew: those that are forked would share what Warp holds of the device.
+    """
+    pool = ProcessPoolExecutor(processes, mp_context=multiprocessing.get_context("spawn"))
+    try:
+        jobs = {pool.submit(_execute_apart, run, places[run.name], device, threads): run for run in runs}
+        for job in as_completed(jobs):
+            try:
+                entry, machine = job.result()
+            except BrokenProcessPool as error:
+                rule = "a process ended without a result, perhaps for want of memory: lower --processes"
+                raise WarpsphError(rule) from error
+            about.update(machine)
+            yield jobs[job], entry
+    finally:
+        pool.shutdown(cancel_futures=True)
+
+
+def _execute_apart(
+    run: Planned, folder: Path, device: str, threads: int | None
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    """`_execute` in a process of its own; the entry, and what it tells of the machine."""
+    from warpsph.running.model import quiet_warp
+
+    quiet_warp(device)
+    machine: dict[str, Any] = {}
+    return _execute(run, folder, machine, device, threads, None), machine
 
 
 def _about(runs: Sequence[Planned], device: str, threads: int | None, command: str) -> dict[str, Any]:
     levels = dict.fromkeys(run.level for run in runs)
     return {
+        **provenance(),
         "command": command,
         "level": ", ".join(levels),
         "device": device,
@@ -476,6 +552,8 @@ def _execute(
         simulation = Simulation(case, output=folder, device=device, threads=threads, preparing=preparing)
         simulation.run(progress=progress)
         rows, status = rows_of(simulation.summary["errors"]), "finished"
+        for row in rows:
+            row["definition"] = definition_of(case, row["quantity"]) if row["quantity"] in case.reference else None
     except Interrupted:
         raise
     except DivergenceError as error:
