@@ -397,7 +397,7 @@ class Allowed:
         potential = float((mass * snapshot.position[:, self.axis]).sum()) * self.gravity
         elastic = 0.0
         if model.physics.spec.scheme == "riemann":
-            from warpsph.measure.sums import PhaseEos
+            from warpsph.measure.totals import PhaseEos
 
             rows = zip(model.case.phase_names, model.physics.sound_speed, strict=True)
             for k, (name, c) in enumerate(rows):

@@ -373,7 +373,7 @@ def run(scene_name: str, point: Point, steps: int, device: str, threads: int | N
     from warpsph.kernels.core import clock as ck
     from warpsph.measure.phase_gauges import EnergyGauge
     from warpsph.measure.shape_gauges import ContourGauge
-    from warpsph.measure.sums import PhaseEos
+    from warpsph.measure.totals import PhaseEos
     from warpsph.running.model import Model
 
     scene = SCENES[scene_name]

@@ -42,7 +42,7 @@ from warpsph.errors import (
 from warpsph.files import checkpoint
 from warpsph.files.output import RunFolder, Schedule, Writer
 from warpsph.measure.gauges import GaugeSet
-from warpsph.measure.sums import eos_of_run
+from warpsph.measure.totals import eos_of_run
 from warpsph.running.divergence import runaway_particle
 from warpsph.running.recorder import Recorder
 from warpsph.running.restarts import SAME_CASE, check_fit, check_unfinished, find_checkpoint, is_inside, reached, scene_of

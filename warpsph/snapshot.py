@@ -62,7 +62,7 @@ class Snapshot:
     samples: dict[str, dict[str, np.ndarray]] = field(default_factory=dict)
     """gauge name -> field -> values at the gauge's points, (points,) or (points, dimension)"""
     sums: dict[type, Any] = field(default_factory=dict)
-    """sums over the phases that the device formed at this moment, by their class in `warpsph.measure.sums`"""
+    """sums over the phases that the device formed at this moment, by their class in `warpsph.measure.totals`"""
 
     def __len__(self) -> int:
         """The number of particles."""

@@ -13,7 +13,7 @@ import warp as wp
 from .clock import LAST_STEP
 from .spec import types
 
-# group -> (entries that are added, entries of which the largest is kept), in the order of `warpsph.measure.sums`
+# group -> (entries that are added, entries of which the largest is kept), in the order of `warpsph.measure.totals`
 GROUPS = {"motion": (11, 1), "energy": (3, 0), "pressure": (2, 2), "place": (8, 6), "interface": (1, 0)}
 
 # columns of `materials`, one row a phase

@@ -7,7 +7,7 @@ from tests.scenes import FULL, PERIODIC, case_of
 from warpsph import Simulation
 from warpsph.measure.gauges import GaugeSet
 from warpsph.measure.probes import sample
-from warpsph.measure.sums import Energies, Motion, Places, Pressures, Scene, cut_of, eos_of_run, sums_of
+from warpsph.measure.totals import Energies, Motion, Places, Pressures, Scene, cut_of, eos_of_run, sums_of
 from warpsph.running.device_sums import Nearby
 from warpsph.running.model import Model
 from warpsph.running.recorder import Recorder

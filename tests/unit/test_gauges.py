@@ -16,7 +16,7 @@ from warpsph.measure.gauge import Needs
 from warpsph.measure.gauge_files import parse_heading, read_gauge
 from warpsph.measure.gauges import GaugeSet
 from warpsph.measure.shape_gauges import isolated, outline
-from warpsph.measure.sums import Energies, PhaseEos, Pressures
+from warpsph.measure.totals import Energies, PhaseEos, Pressures
 from warpsph.snapshot import FLUID, WALL, Snapshot
 
 

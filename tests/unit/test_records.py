@@ -166,7 +166,9 @@ def test_tables_of_the_docs_are_as_their_records_say(capsys):
 
 
 def test_a_table_is_written_and_checked(checkout, tmp_path, monkeypatch, capsys):
-    checkout({"README.md": "no table\n", "docs/accuracy.md": "before\n<!-- table: one -->\nold\n<!-- end table -->\nafter\n"})
+    checkout(
+        {"README.md": "no table\n", "docs/accuracy.md": "before\n<!-- table: one -->\nold\n<!-- end table -->\nafter\n"}
+    )
     monkeypatch.setattr(write_tables, "TABLES", {"one": lambda: write_tables.table(["a", "b"], "lr", [["x|y", "1"]])})
     assert write_tables.main(["--check"]) == 1
     assert "docs/accuracy.md: run python scripts/write_tables.py" in capsys.readouterr().err

@@ -15,7 +15,7 @@ import pytest
 from warpsph.case.case import Case
 from warpsph.measure.phase_gauges import EnergyGauge
 from warpsph.measure.shape_gauges import ContourGauge
-from warpsph.measure.sums import PhaseEos
+from warpsph.measure.totals import PhaseEos
 from warpsph.scene.geometry import build
 from warpsph.scene.physics import smoothing_ratio, support_radius
 from warpsph.snapshot import FLUID, Snapshot

@@ -154,7 +154,7 @@ class ByScheme:
             scheme = registry.find(name)
             option = handler(scheme.numerics.__pydantic_core_schema__)
             written = handler.resolve_ref_schema(option)
-            written["properties"]["scheme"] = {"const": name, "description": scheme.summary}
+            written["properties"]["scheme"] = {"const": name, "description": scheme.summary, "examples": [name]}
             # That of the default scheme alone may be left out, so that one option fits, not several.
             others = [key for key in written.get("required", []) if key != "scheme"]
             written["required"] = others if name == registry.DEFAULT else [*others, "scheme"]

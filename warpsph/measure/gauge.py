@@ -10,7 +10,7 @@ import numpy as np
 
 from warpsph.case.columns import Column, columns_of
 from warpsph.errors import WarpsphError
-from warpsph.measure.sums import PhaseSums, Scene
+from warpsph.measure.totals import PhaseSums, Scene
 from warpsph.snapshot import Snapshot
 
 AXES = ("x", "y", "z")
@@ -21,7 +21,7 @@ class Needs:
     """What gauges look at; a run measures and copies just that for a record."""
 
     sums: frozenset[type[PhaseSums]] = frozenset()
-    """groups of `warpsph.measure.sums`, formed on the device"""
+    """groups of `warpsph.measure.totals`, formed on the device"""
     extra: frozenset[str] = frozenset()
     """other numbers of the device: `interface_length`, `wall_force`"""
     fields: frozenset[str] = frozenset()

@@ -49,7 +49,7 @@ from warpsph.measure.phase_gauges import (
 )
 from warpsph.measure.point_gauges import LineGauge, PointsGauge
 from warpsph.measure.shape_gauges import ContourGauge, ExtentsGauge, StraysGauge
-from warpsph.measure.sums import PhaseEos, Scene
+from warpsph.measure.totals import PhaseEos, Scene
 from warpsph.snapshot import Snapshot
 
 GAUGES: dict[str, type[Gauge]] = {

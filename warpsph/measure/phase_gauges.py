@@ -11,7 +11,7 @@ import numpy as np
 from warpsph.case.columns import Column, wall_bodies
 from warpsph.measure.gauge import Gauge, Needs
 from warpsph.measure.interface_area import interface_areas
-from warpsph.measure.sums import Energies, Motion, PhaseEos, Pressures, Scene, mean_over, sums_of
+from warpsph.measure.totals import Energies, Motion, PhaseEos, Pressures, Scene, mean_over, sums_of
 from warpsph.snapshot import Snapshot
 
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from warpsph.measure.contour import contour, shares_of_phases
 from warpsph.measure.gauge import AXES, Gauge, Needs
-from warpsph.measure.sums import Places, sums_of
+from warpsph.measure.totals import Places, sums_of
 from warpsph.snapshot import Snapshot
 
 

@@ -12,7 +12,7 @@ import warp as wp
 from warpsph.engine.launch import Bindings, Launcher, Task
 from warpsph.engine.population import Population
 from warpsph.kernels.core import phase_sums
-from warpsph.measure.sums import PhaseSums, Places, Scene, cut_of, no_cuts
+from warpsph.measure.totals import PhaseSums, Places, Scene, cut_of, no_cuts
 
 BLOCKS = {True: 256, False: 4096}  # partial sums of each phase, on a CPU and on a GPU
 
@@ -50,6 +50,7 @@ class DeviceSums:
                 "cuts": self._cuts,
                 "periods": self._periods,
             },
+            particles.declared,
         )
         self._reductions: dict[str, tuple[Task, Any, Any]] = {}
 

@@ -24,7 +24,7 @@ from warpsph.kernels.core.mirror import FREE_SLIP, NO_SLIP, NO_WALL, make_sides
 from warpsph.kernels.core.params import make_params, make_phase
 from warpsph.kernels.core.smoothing import KERNELS, window_integral
 from warpsph.kernels.core.spec import types_of
-from warpsph.measure.sums import Scene, eos_of_run
+from warpsph.measure.totals import Scene, eos_of_run
 from warpsph.running import memory
 from warpsph.running.device_sums import DeviceSums
 from warpsph.running.state_copy import copy_state
