@@ -10,10 +10,11 @@ they show is a change. Each error is held to the one on record:
     new       nothing is on record: asks to be recorded; fails beyond the limit of the case
     held      else; beyond the limit of the case it is a known miss
 
-Noise is what an error changes by for no reason, as by another order of a sum: the same run is made again with particles
-DISTURBANCE of a spacing beside where they would start, about the rounding of a position in float32, and twice as far. The
-record holds NOISE_FACTOR times the larger change, as two runs rarely show the largest that there is. Other random starts
-(start.seed) would change many errors by more: which one is drawn is part of a run.
+Noise is what an error changes by for no reason, as by another order of a sum: the same run is made again with start.noise
+greater by DISTURBANCE, about the rounding of a position in float32, and by twice that. Where the program displaces a lattice
+by more than that anyway (numerics.unlock) the places stay, and what is derived from them, such as sound speeds, changes in
+its last digits. The record holds NOISE_FACTOR times the larger change, as two runs rarely show the largest that there is.
+Other random starts (start.seed) would change many errors by more: which one is drawn is part of a run.
 
     record: {commit, dirty, date, command, level, device, threads, versions, processor, noise, runs}
     runs: "<case>/<run>" -> {commit, dirty, date, seconds, errors}
@@ -44,7 +45,7 @@ SLACK = 0.1
 """Share of the recorded error by which an error may change."""
 
 DISTURBANCE = 1e-5
-"""Displacement of the particles at the start of a disturbed run, in particle spacings."""
+"""By how much more start.noise displaces the particles of a disturbed run, in particle spacings."""
 
 TIMES = (1, 2)
 """How many times the DISTURBANCE each disturbed run has."""
@@ -229,8 +230,8 @@ def record(table: Table, runs: Sequence[Planned], path: Path, whole: bool = Fals
     keys = ("level", "device", "device_name", "processor", "threads", "versions")
     head = {**made, "command": RECORD, **{key: table.about.get(key) for key in keys}}
     head["noise"] = (
-        f"{NOISE_FACTOR:g} times the largest change of an error in runs that start with particles displaced by "
-        f"{', '.join(f'{times * DISTURBANCE:g}' for times in TIMES)} spacings"
+        f"{NOISE_FACTOR:g} times the largest change of an error in runs whose start.noise is greater by "
+        f"{', '.join(f'{times * DISTURBANCE:g}' for times in TIMES)}"
     )
     write_text(path, json_text({**head, "runs": dict(sorted({**kept, **found}.items()))}))
     return []
