@@ -1,4 +1,4 @@
-"""Momentum sweep: pressure from the star states, viscosity, tension, gravity, shift (theory: riemann#a3 to riemann#a7).
+"""Momentum sweep: pressure from the star states, viscosity, tension, gravity, and the shift (theory: riemann#a3 to riemann#a7).
 
     conservative ("plus"):  a_i = -(2/rho_i) sum_j p*_ij grad_i W V_j
     corrected ("minus"):    a_i = -(2/rho_i) B_i sum_j (p*_ij - p_i) grad_i W V_j,  B_i = [sum_j |W'| r e(x)e V_j]^-1
@@ -33,7 +33,7 @@ from warpsph.kernels.core.smoothing import make_smoothing, make_window
 from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, types_of
 from warpsph.kernels.core.viscosity import make_viscosity
 
-from .momentum_terms import make_anisotropy, make_interface_pressure, make_viscous_correction, make_wall_terms
+from .momentum_terms import make_anisotropy, make_interface_pressure, make_wall_terms
 from .star import make_jump, make_one_sided
 
 # Gaps [spacings] at which a particle begins to touch a wall, half of the place of its row, and at which it is stopped.
@@ -58,9 +58,9 @@ def make_momentum(spec: Spec) -> Any:
     interface_pressure = make_interface_pressure(spec.dimension, spec.precision, spec.paper_star)
     laplace_jump = make_jump(spec.precision)
     alone_at_wall, wall_reaction = make_one_sided(spec.dimension, spec.precision)
-    wall_pressure, straight_ahead, pressed_impedance, driven = make_wall_terms(spec)
+    wall_pressure, pressed_impedance, driven = make_wall_terms(spec)
     window = make_window(spec.precision)
-    viscous_correction = make_viscous_correction(spec.viscosity, spec.dimension, spec.precision)
+    dimension = float(spec.dimension)
     anisotropy = make_anisotropy(spec.dimension, spec.precision)
     viscous = spec.viscosity != "none"
     viscous_term = make_viscosity(spec.viscosity if viscous else "morris", spec.dimension, spec.precision)
@@ -242,7 +242,10 @@ def make_momentum(spec: Spec) -> Any:
                 beyond = wp.max(wp.abs(d) - half_cell, vec())
                 gap2 = wp.min(gap2, wp.dot(beyond, beyond))
                 for axis in range(wp.static(spec.dimension)):
-                    if straight_ahead(beyond, axis):
+                    across = beyond
+                    across[axis] = real(0.0)
+                    if wp.dot(across, across) == real(0.0):
+                        # this cell is straight ahead along the axis
                         clear = wp.abs(d[axis]) - half_cell[axis]
                         if clear < face_gap[axis]:
                             face_gap[axis] = clear
@@ -307,8 +310,15 @@ def make_momentum(spec: Spec) -> Any:
                     if wp.static(spec.wall_no_slip):
                         inner_shear = inner_shear * inverse
                     if wp.static(spec.viscosity == "morris" or spec.viscosity == "radial"):
+                        # Both forms are exact for a quadratic field on an even arrangement: take out what an uneven one
+                        # makes of a linear field, and divide by the second moment (theory: common#lattice, column L).
                         if not near:
-                            viscous_sum = viscous_correction(viscous_sum, shear, even, own.viscosity, m)
+                            linear = shear * even
+                            if wp.static(spec.viscosity == "radial"):
+                                # exact for rotation and dilation; a strain leaves the traceless part of a third moment
+                                linear = linear + wp.transpose(shear) * even + wp.trace(shear) * even
+                            viscous_sum -= (real(2.0) * own.viscosity) * linear
+                            viscous_sum = viscous_sum * (real(dimension) / wp.trace(m))
             a = total * (real(-1.0) / rho_i)
         else:
             a = pressure_sum * (-g_norm / rho_i)

@@ -59,7 +59,6 @@ class WallTerms(NamedTuple):
     """`wp.func`s of a particle next to a wall, see `make_wall_terms`."""
 
     pressure: Any
-    straight_ahead: Any
     impedance: Any
     driven: Any
 
@@ -69,7 +68,6 @@ def make_wall_terms(spec: Spec) -> WallTerms:
     """Return the formulas of a particle next to a wall.
 
     wall_pressure(p_i, p_wall, rho_i, d, params): pressure of a wall particle as this particle sees it [Pa]
-    straight_ahead(beyond, axis): whether a wall cell is straight ahead along the axis; beyond: way to it past its edges [m]
     pressed_impedance(own, rho_i): rho c of a gas at the density that it has [kg/(m^2 s)]
     driven(a, side, speed, into_wall, sound, g_norm, dt): along one axis, what drives the particle into a wall [m/s^2], its
         speed taken up by backward Euler
@@ -90,12 +88,6 @@ def make_wall_terms(spec: Spec) -> WallTerms:
         return result
 
     @wp.func
-    def straight_ahead(beyond: vec, axis: int):
-        across = beyond
-        across[axis] = real(0.0)
-        return wp.dot(across, across) == real(0.0)
-
-    @wp.func
     def pressed_impedance(own: Phase, rho_i: real):
         return own.impedance * wp.pow(rho_i / own.density, real(0.5) * (own.gamma + real(1.0)))
 
@@ -106,28 +98,7 @@ def make_wall_terms(spec: Spec) -> WallTerms:
         damping = real(2.0) * sound * wp.abs(into_wall) * g_norm
         return drive + ahead * damping / (real(1.0) + damping * dt)
 
-    return WallTerms(wall_pressure, straight_ahead, pressed_impedance, driven)
-
-
-@functools.cache
-def make_viscous_correction(form: str, dimension: int, precision: str) -> Any:
-    """Return the `wp.func` viscous_correction(viscous_sum, shear, even, mu, moment) for "morris" or "radial".
-
-    Both forms are exact for a quadratic field on an even arrangement: it takes out what an uneven one makes of a linear
-    field, and divides by the second moment (theory: common#lattice, column L).
-    """
-    real, vec, mat, _ = types(dimension, precision)
-    axes = float(dimension)
-
-    @wp.func
-    def viscous_correction(viscous_sum: vec, shear: mat, even: vec, mu: real, moment: mat):
-        linear = shear * even
-        if wp.static(form == "radial"):
-            # exact for rotation and dilation; a strain leaves the traceless part of a third moment
-            linear = linear + wp.transpose(shear) * even + wp.trace(shear) * even
-        return (viscous_sum - (real(2.0) * mu) * linear) * (real(axes) / wp.trace(moment))
-
-    return viscous_correction
+    return WallTerms(wall_pressure, pressed_impedance, driven)
 
 
 @functools.cache
