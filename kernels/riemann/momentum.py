@@ -1,4 +1,4 @@
-"""Momentum sweep: pressure from the star states, viscosity, tension, gravity, and the shift (theory: riemann#a3 to riemann#a7).
+"""Momentum sweep: pressure from the star states, viscosity, tension, gravity, shift (theory: riemann#a3 to riemann#a7).
 
     conservative ("plus"):  a_i = -(2/rho_i) sum_j p*_ij grad_i W V_j
     corrected ("minus"):    a_i = -(2/rho_i) B_i sum_j (p*_ij - p_i) grad_i W V_j,  B_i = [sum_j |W'| r e(x)e V_j]^-1
