@@ -369,6 +369,7 @@ def judge(scene: Scene, point: Point, samples: list[dict[str, Any]], fault: str)
 def run(scene_name: str, point: Point, steps: int, device: str, threads: int | None) -> dict[str, Any]:
     """Run a point of a scene and return its row."""
     from warpsph.case.case import Case
+    from warpsph.case.gauge_models import as_gauge
     from warpsph.errors import WarpsphError
     from warpsph.kernels.core import clock as ck
     from warpsph.measure.phase_gauges import EnergyGauge
@@ -385,7 +386,8 @@ def run(scene_name: str, point: Point, steps: int, device: str, threads: int | N
         name: PhaseEos(phase.density, c, phase.gamma, phase.background_pressure)
         for (name, phase), c in zip(case.phases.items(), model.physics.sound_speed, strict=True)
     }
-    gauges = EnergyGauge("energy", None, case, eos), ContourGauge("contour", None, case)
+    sections = [as_gauge({"type": name, "interval": case.end_time}) for name in ("energy", "contour")]
+    gauges = EnergyGauge("energy", sections[0], case, eos), ContourGauge("contour", sections[1], case)
     stepper = model.stepper
     fault = ""
     samples: list[dict[str, Any]] = []

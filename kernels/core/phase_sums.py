@@ -242,6 +242,37 @@ def make_phase_sums(
 
 
 @functools.cache
+def make_fold(dtype: Any, largest: bool) -> Any:
+    """Return the kernel that adds up the partial sums of each part (a phase, a body), or takes the largest, in groups.
+
+    A GPU needs tens of thousands of partial sums to be busy; so many are slower to copy than to fold.
+    """
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def fold_sums(
+        first: int,
+        block_count: int,
+        folds: int,
+        partial: wp.array(dtype=dtype),
+        folded: wp.array(dtype=dtype),
+    ):
+        row = wp.tid() + first
+        part = row / folds
+        k = row - part * folds
+        result = partial[part * block_count + k]
+        k += folds
+        while k < block_count:
+            if wp.static(largest):
+                result = wp.max(result, partial[part * block_count + k])
+            else:
+                result = result + partial[part * block_count + k]
+            k += folds
+        folded[row] = result
+
+    return fold_sums
+
+
+@functools.cache
 def make_mark_bins(dimension: int, precision: str, multiphase: bool) -> Any:
     """Return the kernel over the fluid that marks which slices of the domain along each axis hold some of a phase.
 

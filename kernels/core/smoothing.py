@@ -157,16 +157,3 @@ def make_smoothing(name: str, precision: str) -> tuple[Any, Any]:
     else:
         raise KeyError(name)
     return shape, slope
-
-
-@functools.cache
-def make_window(precision: str) -> Any:
-    """Return the `wp.func` window(r2, inv_window) = (1 - r^2/R^2)^2, zero beyond R, that the room is measured with."""
-    real = types(2, precision).real
-
-    @wp.func
-    def window(r2: real, inv_window: real):
-        inside = wp.max(real(1.0) - r2 * inv_window, real(0.0))
-        return inside * inside
-
-    return window

@@ -29,21 +29,14 @@ import warp as wp
 from warpsph.kernels.core.clock import MAXIMA, STEP
 from warpsph.kernels.core.pair import BAND, NEAR, WRAPPED, list_access, separation_of
 from warpsph.kernels.core.params import make_params, make_phase
-from warpsph.kernels.core.smoothing import make_smoothing, make_window
+from warpsph.kernels.core.smoothing import make_smoothing
 from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, types_of
 from warpsph.kernels.core.viscosity import make_viscosity
 
-from .momentum_terms import make_anisotropy, make_interface_pressure, make_wall_terms
-from .star import make_jump, make_one_sided
+from .star import make_jump, make_one_sided, make_star
 
 # Gaps [spacings] at which a particle begins to touch a wall, half of the place of its row, and at which it is stopped.
 TOUCH, STOP = 0.25, 0.1
-# How much more than its volume a particle of another phase counts for the shift. At rest nothing else holds two phases
-# apart: pressure and jump are in balance for any arrangement, and noise would mix them (measured on a drop of density
-# ratio 1 in a nearly inviscid fluid, 6 particles a radius: dispersed without, whole from 0.1 on). More of it opens the
-# interface: 0.25 adds 1 % to the jump of a drop of 13 particles a radius.
-APART = 0.1
-SMALLEST_MOMENT = 0.1  # determinant below which a neighbourhood is too thin to correct
 
 
 @functools.cache
@@ -55,19 +48,25 @@ def make_momentum(spec: Spec) -> Any:
     _, slope = make_smoothing(spec.kernel, spec.precision)
     separation = separation_of(spec)
     list_begin, list_step, neighbour, Listed = list_access(spec)
-    interface_pressure = make_interface_pressure(spec.dimension, spec.precision, spec.paper_star)
+    _, star_pressure = make_star(spec.precision, spec.paper_star)
     laplace_jump = make_jump(spec.precision)
     alone_at_wall, wall_reaction = make_one_sided(spec.dimension, spec.precision)
-    wall_pressure, pressed_impedance, driven = make_wall_terms(spec)
-    window = make_window(spec.precision)
-    dimension = float(spec.dimension)
-    anisotropy = make_anisotropy(spec.dimension, spec.precision)
     viscous = spec.viscosity != "none"
     viscous_term = make_viscosity(spec.viscosity if viscous else "morris", spec.dimension, spec.precision)
     periodic = any(spec.periodic)
     jumps = spec.tension == "pressure_jump"
     body_tension = spec.tension == "body_force"
+    dimension = float(spec.dimension)
     sided = spec.multiphase and not spec.paper_star
+    # Share of the acoustic impact pressure Z_i Z_j/(Z_i + Z_j) (u_i - u_j): all of it is stable up to dt = 1.05 h/c alone
+    # (theory: riemann#a9), and the light particle of a pair takes it twice over.
+    impact_share = 0.25
+    # How much more than its volume a particle of another phase counts for the shift. At rest nothing else holds two phases
+    # apart: pressure and jump are in balance for any arrangement, and noise would mix them (measured on a drop of density
+    # ratio 1 in a nearly inviscid fluid, 6 particles a radius: dispersed without, whole from 0.1 on). More of it opens the
+    # interface: 0.25 adds 1 % to the jump of a drop of 13 particles a radius.
+    apart = 0.1
+    smallest_moment = 0.1  # determinant below which a neighbourhood is too thin to correct
 
     @wp.kernel(module="unique", enable_backward=False, module_options=SWEEP_OPTIONS)
     def momentum(
@@ -166,7 +165,8 @@ def make_momentum(spec: Spec) -> Any:
                     if wp.static(spec.shifting):
                         even += fd
                     if wp.static(spec.room):
-                        room += window(r2, params.inv_window) * state_j[1]
+                        inside = wp.max(real(1.0) - r2 * params.inv_window, real(0.0))
+                        room += inside * inside * state_j[1]
                     other_phase = int(phase[j])
                     mu = own.viscosity
                     if other_phase == own_phase:
@@ -182,18 +182,22 @@ def make_momentum(spec: Spec) -> Any:
                                 own_sum += (state_j[0] - p_i) * fd
                     else:
                         if wp.static(spec.shifting):
-                            even += real(APART) * fd
+                            even += real(apart) * fd
                         other = phases[other_phase]
                         jump = real(0.0)
                         if wp.static(jumps):
                             sigma = tension[own_phase * phases.shape[0] + other_phase]
                             jump = laplace_jump(sigma, kappa_i, curvature[j], w_i, interface_weight[j])
-                        opposed = real(0.0)
+                        p_star = star_pressure(p_i, state_j[0], own.density, other.density, jump)
                         if wp.static(sided):
-                            opposed = wp.dot(facing[i], facing[j])
-                        p_star = interface_pressure(
-                            p_i, state_j[0], own, other, jump, opposed, vi - velocity[j], d, r2, params.tiny
-                        )
+                            # Directions that do not oppose: no common interface, one of the two is a splinter of a few
+                            # particles in the other phase, or a film of one row. Its own phase does not hold it, and the
+                            # weighted p* is all but its own pressure: without the impact term of the Riemann problem it
+                            # would fly through the other phase like a bullet.
+                            alone = wp.clamp(real(1.0) + real(2.0) * wp.dot(facing[i], facing[j]), real(0.0), real(2.0))
+                            z = own.impedance * other.impedance / (own.impedance + other.impedance)
+                            impact = wp.dot(vi - velocity[j], d) / wp.sqrt(r2 + params.tiny)
+                            p_star -= (real(impact_share) * alone) * z * impact
                         if wp.static(spec.corrected):
                             p_star -= p_i
                         pressure_sum += (real(2.0) * p_star) * fd
@@ -224,7 +228,8 @@ def make_momentum(spec: Spec) -> Any:
                 even += fd
                 flow += wp.outer(velocity[j] - vi, fd)
             if wp.static(spec.room):
-                room += window(r2, params.inv_window) * state_j[1]
+                inside = wp.max(real(1.0) - r2 * params.inv_window, real(0.0))
+                room += inside * inside * state_j[1]
             if wp.static(viscous):
                 viscous_sum += (own.viscosity * f) * viscous_term(
                     vi - velocity[j], d, r2 + params.tiny, params.inv_h
@@ -252,7 +257,13 @@ def make_momentum(spec: Spec) -> Any:
                             face_side[axis] = -wp.sign(d[axis])
                             face_speed[axis] = velocity[j][axis]
                 approach += wp.dot(vi - velocity[j], fd)
-                p_wall = wall_pressure(p_i, state[j][0], rho_i, d, params)
+                p_wall = state[j][0]
+                if wp.static(spec.multiphase):
+                    # the one-sided state of this particle's own fluid: extrapolated from several fluids at a contact
+                    # line, the wall would pull the light one with the weight of the heavy one
+                    p_wall = p_i
+                    if wp.static(spec.gravity):
+                        p_wall -= rho_i * wp.dot(params.gravity, d)
                 if wp.static(spec.corrected):
                     moment -= wp.outer(d, fd)
                     own_sum += (p_wall - p_i) * fd
@@ -266,7 +277,8 @@ def make_momentum(spec: Spec) -> Any:
                 if wp.static(spec.shifting):
                     even += fd
                 if wp.static(spec.room):
-                    room += window(r2, params.inv_window) * params.wall_volume
+                    inside = wp.max(real(1.0) - r2 * params.inv_window, real(0.0))
+                    room += inside * inside * params.wall_volume
                 if wp.static(spec.wall_no_slip):
                     if slip[j - fluid_count] == wp.uint8(0):
                         mirror = mirror_velocity[j - fluid_count]
@@ -282,8 +294,9 @@ def make_momentum(spec: Spec) -> Any:
             first_row = wp.clamp(real(2.0) - real(2.0) * gap, real(0.0), real(1.0))
             lone = alone_at_wall(into_wall, own_even, params.g_norm * params.h)
             if lone > real(0.0) and approach > real(0.0):
-                # twice: the state in the mirror has the pressure p* too
-                impedance = pressed_impedance(own, rho_i)
+                # A gas that is pressed has the impedance rho c of the density that it has. Twice: the state in the mirror
+                # has the pressure p* too.
+                impedance = own.impedance * wp.pow(rho_i / own.density, real(0.5) * (own.gamma + real(1.0)))
                 wall_push = real(2.0) * lone * impedance * approach / wp.length(into_wall)
                 # backward Euler: however near the wall is, it stops a particle and does not throw it back
                 damping = real(2.0) * lone * impedance * wp.length(into_wall) * params.g_norm / rho_i
@@ -300,7 +313,7 @@ def make_momentum(spec: Spec) -> Any:
             total = (pressure_sum + own_sum) * g_norm
             m = moment * g_norm
             usable = bool(False)
-            if wp.determinant(m) > real(SMALLEST_MOMENT):
+            if wp.determinant(m) > real(smallest_moment):
                 usable = bool(True)
                 inverse = wp.inverse(m)
                 total = inverse * total
@@ -349,8 +362,10 @@ def make_momentum(spec: Spec) -> Any:
                 )
                 if touch[axis] > real(0.0):
                     side = face_side[axis]
-                    speed = vi[axis] - face_speed[axis]
-                    drive = driven(a[axis], side, speed, into_wall[axis], own.sound_speed, g_norm, real(clock[STEP]))
+                    drive = wp.max(a[axis] * side, real(0.0))
+                    speed = wp.max((vi[axis] - face_speed[axis]) * side, real(0.0))
+                    damping = real(2.0) * own.sound_speed * wp.abs(into_wall[axis]) * g_norm
+                    drive += speed * damping / (real(1.0) + damping * real(clock[STEP]))
                     a[axis] -= touch[axis] * drive * side
                     wall_push += rho_i * touch[axis] * drive / (wp.length(into_wall) * g_norm)
             wall_impact[i] = wall_push
@@ -394,7 +409,9 @@ def make_momentum(spec: Spec) -> Any:
                         else:
                             whole = False
                 if whole:
-                    change += dt * anisotropy(strain, m)
+                    # The continuity sweep has tr(G M) instead of tr(G). A strain draws the arrangement out along itself, so
+                    # that the moment M is not isotropic in just the directions that count: the error has one sign.
+                    change += dt * (wp.ddot(strain, m) - wp.trace(strain) * wp.trace(m) / real(dimension))
                 s += (real(1.0) + s) * change
             density_excess[i] = s
             s2 = wp.dot(dx, dx)

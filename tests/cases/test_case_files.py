@@ -48,7 +48,8 @@ def test_its_validation_runs_are_valid(name):
         # a run without a limit shows nothing, except that of a pair which reports what the other form does
         assert "corrected" in run.name or any(entry.allowed is not None for entry in run.case.reference.values())
         shown = run.case.validation.figure
-        assert shown is None or shown.times is None or shown.times[-1] <= run.case.end_time
+        # the runs of ci are too short for pictures
+        assert run.level == "ci" or shown is None or shown.times is None or shown.times[-1] <= run.case.end_time
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -34,7 +34,7 @@ def test_each_scene_has_less_than_the_one_before(bench_skip):
         assert gone < {row["name"] for row in less["absent"]}
         stages = [[row["name"] for row in plan["stages"] if "drift_" not in row["name"]] for plan in (more, less)]
         assert set(stages[1]) - {"drift"} <= set(stages[0]) and len(stages[1]) <= len(stages[0])
-    assert [stage["name"] for stage in plans[-1]["stages"]] == ["kick_drift", "continuity", "momentum", "advance"]
+    assert [stage["name"] for stage in plans[-1]["stages"]] == ["kick_drift", "continuity", "momentum", "advance", "list"]
 
 
 @pytest.mark.parametrize("threads", [1, 2])

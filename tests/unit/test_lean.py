@@ -214,6 +214,7 @@ from warpsph.engine.program import lines
 folder = sys.argv[1]
 heavy = lambda: [name for name in json.loads(sys.argv[2]) if name in sys.modules]
 found = {}
+LEAN["gauges"] = {"energy": LEAN["gauges"]["energy"]}
 Simulation(case_of(LEAN, end_time=0.02), threads=1).run()
 found["nothing written"] = heavy()
 Simulation(case_of(LEAN, end_time=0.02, output__checkpoint=None), output=folder + "/a", threads=1).run()

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from warpsph.case.case import Case
+from warpsph.case.gauge_models import as_gauge
 from warpsph.measure.phase_gauges import EnergyGauge
 from warpsph.measure.shape_gauges import ContourGauge
 from warpsph.measure.totals import PhaseEos
@@ -156,7 +157,8 @@ def lattice(stress, swap):
         particle_id=np.arange(n), kind=geometry.kind.astype(np.uint8), particle_spacing=case.spacing,
     )  # fmt: skip
     eos = {name: PhaseEos(phase.density, 10.0, phase.gamma) for name, phase in case.phases.items()}
-    gauges = EnergyGauge("energy", None, case, eos), ContourGauge("contour", None, case)
+    sections = [as_gauge({"type": name, "interval": 1.0}) for name in ("energy", "contour")]
+    gauges = EnergyGauge("energy", sections[0], case, eos), ContourGauge("contour", sections[1], case)
     return SimpleNamespace(case=case, snapshot=lambda: snapshot), gauges, snapshot
 
 

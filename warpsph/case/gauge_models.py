@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Mapping
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, cast
 
 from pydantic import (
     BeforeValidator,
@@ -12,6 +12,7 @@ from pydantic import (
     Field,
     SerializeAsAny,
     Tag,
+    TypeAdapter,
     ValidatorFunctionWrapHandler,
     WrapValidator,
 )
@@ -206,3 +207,8 @@ Gauge = Annotated[
     BeforeValidator(_check_gauge_type),
     SerializeAsAny(),
 ]
+
+
+def as_gauge(data: Mapping[str, Any]) -> GaugeModel:
+    """Return the section of a gauge from plain data, outside of a case. Raises pydantic.ValidationError."""
+    return cast(GaugeModel, TypeAdapter(Gauge).validate_python(dict(data)))

@@ -10,6 +10,7 @@ Next to a wall all particles are on one side, and the fit is carried on beyond t
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -36,7 +37,7 @@ def sample(
     fluid = fluid.select(np.isfinite(fluid.position).all(axis=1))
     points = np.asarray(points, dtype=float).reshape(-1, snapshot.dimension)
     columns = {name: _values(fluid, name) for name in fields}
-    stacked = np.column_stack([value.reshape(len(fluid), -1) for value in columns.values()])
+    stacked = np.column_stack([value.reshape(len(fluid), math.prod(value.shape[1:])) for value in columns.values()])
     period = np.asarray(box, dtype=float)
     tree = cKDTree(_into(fluid.position, period), boxsize=period, balanced_tree=False, compact_nodes=False)
     near = tree.query_ball_point(_into(points, period), support, return_sorted=True)

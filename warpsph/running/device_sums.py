@@ -14,7 +14,8 @@ from warpsph.engine.population import Population
 from warpsph.kernels.core import phase_sums
 from warpsph.measure.totals import PhaseSums, Places, Scene, cut_of, no_cuts
 
-BLOCKS = {True: 256, False: 4096}  # partial sums of each phase, on a CPU and on a GPU
+BLOCKS = {True: 256, False: 65536}  # partial sums of each phase, on a CPU and on a GPU
+FOLDS = {True: 256, False: 64}  # what is left of them for the host
 
 
 class DeviceSums:
@@ -34,7 +35,7 @@ class DeviceSums:
     ) -> None:
         self.particles, self.launcher, self.scene, self.staggered = particles, launcher, scene, staggered
         device = launcher.device
-        self.blocks = BLOCKS[launcher.is_cpu]
+        self.blocks, self.folds = BLOCKS[launcher.is_cpu], FOLDS[launcher.is_cpu]
         self.bins = scene.bins(spacing)
         self._cuts = wp.zeros(scene.phase_count, dtype=wp.vec3d, device=device)
         self._periods = wp.zeros(scene.phase_count, dtype=wp.vec3d, device=device)
@@ -50,9 +51,9 @@ class DeviceSums:
                 "cuts": self._cuts,
                 "periods": self._periods,
             },
-            particles.declared,
+            particles.declared | {"normal", "load"},
         )
-        self._reductions: dict[str, tuple[Task, Any, Any]] = {}
+        self._reductions: dict[str, tuple[list[Callable[[], None]], Any, Any]] = {}
 
     def form(self, kinds: Iterable[type[PhaseSums]]) -> dict[type, PhaseSums]:
         """Return groups of sums by their class."""
@@ -72,7 +73,9 @@ class DeviceSums:
         forces = wp.zeros(bodies * self.blocks, dtype=wp.vec3d, device=self.launcher.device)
         special = {"wall_count": walls, "load": load, "forces": forces}
         self.launcher.task("body forces", kernel, bodies * self.blocks, self._bindings, special=special).run()
-        total = forces.numpy().reshape(bodies, self.blocks, 3).sum(axis=1)
+        fold, forces = self._folding(forces, bodies, largest=False)
+        fold()
+        total = forces.numpy().reshape(bodies, self.folds, 3).sum(axis=1)
         return np.asarray(total[:, : spec.dimension])
 
     def _form(self, kind: type[PhaseSums]) -> PhaseSums:
@@ -92,22 +95,36 @@ class DeviceSums:
         """Return the added terms (P, added) and the largest ones (P, kept) of a group."""
         if group not in self._reductions:
             self._reductions[group] = self._reduction(group)
-        task, totals, largest = self._reductions[group]
-        task.run()
-        shape = self.scene.phase_count, self.blocks, -1
+        runs, totals, largest = self._reductions[group]
+        for run in runs:
+            run()
+        shape = self.scene.phase_count, self.folds, -1
         kept = phase_sums.GROUPS[group][1]
         return totals.numpy().reshape(shape).sum(axis=1), largest.numpy().reshape(shape).max(axis=1)[:, :kept]
 
-    def _reduction(self, group: str) -> tuple[Task, Any, Any]:
+    def _folding(self, partial: Any, parts: int, largest: bool) -> tuple[Callable[[], None], Any]:
+        """Return what folds the partial sums of so many parts, and the array that it leaves."""
+        if self.folds == self.blocks:
+            return _nothing, partial
+        folded = wp.zeros(parts * self.folds, dtype=partial.dtype, device=self.launcher.device)
+        kernel = phase_sums.make_fold(partial.dtype, largest)
+        special = {"folds": self.folds, "partial": partial, "folded": folded}
+        return self.launcher.task("fold", kernel, parts * self.folds, self._bindings, special=special).run, folded
+
+    def _reduction(self, group: str) -> tuple[list[Callable[[], None]], Any, Any]:
         spec = self.particles.spec
         kernel, total, most = phase_sums.make_phase_sums(
             group, spec.dimension, spec.precision, spec.multiphase, self.staggered, self.launcher.is_cpu
         )
-        rows = self.scene.phase_count * self.blocks
+        phases = self.scene.phase_count
+        rows = phases * self.blocks
         totals = wp.zeros(rows, dtype=total, device=self.launcher.device)
         largest = wp.zeros(rows, dtype=most, device=self.launcher.device)
         special = {"totals": totals, "largest": largest}
-        return self.launcher.task(f"sums: {group}", kernel, rows, self._bindings, special=special), totals, largest
+        task = self.launcher.task(f"sums: {group}", kernel, rows, self._bindings, special=special)
+        fold, totals = self._folding(totals, phases, largest=False)
+        fold_largest, largest = self._folding(largest, phases, largest=True)
+        return [task.run, fold, fold_largest], totals, largest
 
     def _find_cuts(self) -> np.ndarray:
         """Return where the periodic axes are cut for each phase, (P, d) [m]; nan where not."""
@@ -137,6 +154,10 @@ class DeviceSums:
             "occupied": occupied,
         }
         return self.launcher.task("bins", kernel, self.particles.fluid_count, self._bindings, special=special), occupied
+
+
+def _nothing() -> None:
+    """Fold nothing: a CPU has few partial sums."""
 
 
 class Nearby:
