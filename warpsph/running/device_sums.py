@@ -15,7 +15,7 @@ from warpsph.kernels.core import phase_sums
 from warpsph.measure.totals import PhaseSums, Places, Scene, cut_of, no_cuts
 
 BLOCKS = {True: 256, False: 65536}  # partial sums of each phase, on a CPU and on a GPU
-FOLDS = {True: 256, False: 64}  # what is left of them for the host
+FOLDS = {True: 256, False: 1024}  # what is left of them for the host
 
 
 class DeviceSums:
