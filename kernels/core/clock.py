@@ -1,8 +1,10 @@
 """Time, step length, the decision to rebuild the neighbour list, and faults: all on the device (theory: riemann#a9).
 
-One float64 array `clock` and one int32 array `counters` hold them, indexed by the constants below.
+One float64 array `clock` and one int32 array `counters` hold them, indexed by the constants
+below; a restart goes on from what is `kept`.
 """
 
+import dataclasses
 import functools
 from typing import Any
 
@@ -10,62 +12,93 @@ import warp as wp
 
 from .spec import types
 
-# clock: float64
-TIME = 0  # simulated time [s]
-STEP = 1  # length of the coming step [s]
-LAST_STEP = 2  # length of the step before [s]
-TARGET = 3  # time at which to hand back to the host [s]
-STEP_CAP = 4  # constant limits: viscosity, tension, gravity, maximum_step [s]
-COURANT = 5  # Courant number times h [m]
-SOUND = 6  # largest sound speed [m/s]
-FORCE = 7  # 0.25 sqrt(h) [m^0.5], limit of the acceleration
-SKIN = 8  # relative displacement that uses up the list [m]
-FARTHEST = 9  # displacement that always asks for a rebuild [m]
-EXCESS_PRESSURE = 10  # pressure the volume constraint adds in the coming step [Pa]
-BOX_VOLUME = 11  # volume of the fluid at the start [m^d]
-RUNAWAY = 12  # speed above which the run stops [m/s]
-SPEED = 13  # largest speed seen in the last step [m/s]
-ACCELERATION = 14  # largest acceleration seen [m/s^2]
-OFFSET = 15  # longest way since the list was built [m]
-SHIFT = 16  # longest shift that the coming step applies [m]
-CHECKED = 17  # relative displacement that the last check of the list allows for [m]
-CHECK_TIME = 18  # time of that check [s]
-CHECK_LASTS = 19  # how long it holds [s]
-DRIFT_SPEED = 20  # bound on how far any velocity has changed since that check [m/s]
-DRIFT = 21  # bound on how far any particle is from where that check predicted it [m]
-MOMENTUM = 22  # 3 entries: mean velocity of a periodic box at time 0 [m/s]
-DRIFT_VELOCITY = 25  # 3 entries: velocity that the next kick adds to every particle [m/s]
-SINCE_RARE = 28  # time since the rare stages ran [s]
-RARE_WAY = 29  # way that the fastest particle may have gone since then [m]
-RARE_LIMIT = 30  # way after which they run again [m]
-RARE_CAP = 31  # time after which they run again [s]
-VISCOUS_STEP = 32  # longest step of explicit viscosity, always allowed where it is implicit [s]
-CHANGE = 33  # change of the velocity in a step over the largest speed beyond it [-]; 0 where it is explicit
-CLOCK_SIZE = 34
 
-# counters: int32
-STEPS = 0
-RUNNING = 1  # the step loop goes on
-REBUILD = 2  # the list is used up
-FAULT = 3  # 0 none, 1 runaway or not finite, 2 list too narrow, 3 no room for births
-FAULT_PARTICLE = 4
-STEP_LIMIT = 5  # hand back to the host after this step
-BAND_COUNT = 6  # particles in the interface band
-REBUILDS = 7
-LIST_PEAK = 8  # longest list so far
-STEPS_SINCE_RARE = 9  # steps since the rare stages ran
-CHECK = 10  # the list has to be checked, see `slack`
-CHECKS = 11
-CARE = 12  # the list has to be checked or rebuilt
-STRAIGHT = 13  # when the list gets doubtful, rebuild it without a check
-USELESS = 14  # checks in a row that found nothing right after a rebuild
-RARE = 15  # the rare stages run in the coming step
-LIVE = 16  # fluid particles that there are, where their number changes
-WANTED = 17  # fluid particles that births found no room for, all of them counted
-GROWING = 18  # number of the level that births found full
-NEXT_ID = 19  # id of the next particle that is born
-ROOM = 20  # what is left of the step may run: no node found that there is no room
-COUNTERS_SIZE = 21
+@dataclasses.dataclass(frozen=True)
+class Slot:
+    """An entry of the clock or the counters: its place, unit, meaning, and whether a restart goes on from it."""
+
+    index: int
+    size: int
+    unit: str
+    meaning: str
+    kept: bool
+
+
+class Slots:
+    """Entries of an array, declared one after the other; each constant below is the place of its entry."""
+
+    def __init__(self) -> None:
+        self.entries: list[Slot] = []
+        self.size = 0
+
+    def slot(self, unit: str, meaning: str, size: int = 1, kept: bool = False) -> int:
+        """Declare an entry of so many numbers and return its place; `kept`: part of the state of a run."""
+        self.entries.append(Slot(self.size, size, unit, meaning, kept))
+        self.size += size
+        return self.entries[-1].index
+
+    @property
+    def kept(self) -> list[int]:
+        """The places that a restart goes on from."""
+        return [entry.index + k for entry in self.entries if entry.kept for k in range(entry.size)]
+
+
+CLOCK = Slots()  # float64
+TIME = CLOCK.slot("s", "simulated time", kept=True)
+STEP = CLOCK.slot("s", "length of the coming step", kept=True)
+LAST_STEP = CLOCK.slot("s", "length of the step before", kept=True)
+TARGET = CLOCK.slot("s", "time at which to hand back to the host")
+STEP_CAP = CLOCK.slot("s", "constant limits: viscosity, tension, gravity, maximum_step")
+COURANT = CLOCK.slot("m", "Courant number times h")
+SOUND = CLOCK.slot("m/s", "largest sound speed")
+FORCE = CLOCK.slot("m^0.5", "0.25 sqrt(h), limit of the acceleration")
+SKIN = CLOCK.slot("m", "relative displacement that uses up the list")
+FARTHEST = CLOCK.slot("m", "displacement that always asks for a rebuild")
+EXCESS_PRESSURE = CLOCK.slot("Pa", "pressure the volume constraint adds in the coming step", kept=True)
+BOX_VOLUME = CLOCK.slot("m^d", "volume of the fluid at the start", kept=True)
+RUNAWAY = CLOCK.slot("m/s", "speed above which the run stops")
+SPEED = CLOCK.slot("m/s", "largest speed seen in the last step", kept=True)
+ACCELERATION = CLOCK.slot("m/s^2", "largest acceleration seen", kept=True)
+OFFSET = CLOCK.slot("m", "longest way since the list was built", kept=True)
+SHIFT = CLOCK.slot("m", "longest shift that the coming step applies", kept=True)
+CHECKED = CLOCK.slot("m", "relative displacement that the last check of the list allows for", kept=True)
+CHECK_TIME = CLOCK.slot("s", "time of that check", kept=True)
+CHECK_LASTS = CLOCK.slot("s", "how long it holds", kept=True)
+DRIFT_SPEED = CLOCK.slot("m/s", "bound on how far any velocity has changed since that check", kept=True)
+DRIFT = CLOCK.slot("m", "bound on how far any particle is from where that check predicted it", kept=True)
+MOMENTUM = CLOCK.slot("m/s", "mean velocity of a periodic box at time 0", size=3, kept=True)
+DRIFT_VELOCITY = CLOCK.slot("m/s", "velocity that the next kick adds to every particle", size=3, kept=True)
+SINCE_RARE = CLOCK.slot("s", "time since the rare stages ran", kept=True)
+RARE_WAY = CLOCK.slot("m", "way that the fastest particle may have gone since then", kept=True)
+RARE_LIMIT = CLOCK.slot("m", "way after which they run again")
+RARE_CAP = CLOCK.slot("s", "time after which they run again")
+VISCOUS_STEP = CLOCK.slot("s", "longest step of explicit viscosity, always allowed where it is implicit")
+CHANGE = CLOCK.slot("-", "change of the velocity in a step over the largest speed beyond it; 0 where it is explicit")
+CLOCK_SIZE = CLOCK.size
+
+COUNTERS = Slots()  # int32
+STEPS = COUNTERS.slot("-", "steps done", kept=True)
+RUNNING = COUNTERS.slot("-", "the step loop goes on")
+REBUILD = COUNTERS.slot("-", "the list is used up")
+FAULT = COUNTERS.slot("-", "0 none, 1 runaway or not finite, 2 list too narrow, 3 no room for births")
+FAULT_PARTICLE = COUNTERS.slot("-", "row of the particle that a fault was found at")
+STEP_LIMIT = COUNTERS.slot("-", "hand back to the host after this step")
+BAND_COUNT = COUNTERS.slot("-", "particles in the interface band")
+REBUILDS = COUNTERS.slot("-", "builds of the neighbour list", kept=True)
+LIST_PEAK = COUNTERS.slot("-", "longest list so far")
+STEPS_SINCE_RARE = COUNTERS.slot("-", "steps since the rare stages ran", kept=True)
+CHECK = COUNTERS.slot("-", "the list has to be checked, see `slack`")
+CHECKS = COUNTERS.slot("-", "checks of the list", kept=True)
+CARE = COUNTERS.slot("-", "the list has to be checked or rebuilt")
+STRAIGHT = COUNTERS.slot("-", "when the list gets doubtful, rebuild it without a check", kept=True)
+USELESS = COUNTERS.slot("-", "checks in a row that found nothing right after a rebuild", kept=True)
+RARE = COUNTERS.slot("-", "the rare stages run in the coming step")
+LIVE = COUNTERS.slot("-", "fluid particles that there are, where their number changes", kept=True)
+WANTED = COUNTERS.slot("-", "fluid particles that births found no room for, all of them counted")
+GROWING = COUNTERS.slot("-", "number of the level that births found full")
+NEXT_ID = COUNTERS.slot("-", "id of the next particle that is born", kept=True)
+ROOM = COUNTERS.slot("-", "what is left of the step may run: no node found that there is no room")
+COUNTERS_SIZE = COUNTERS.size
 RETRY = 8  # rebuilds after which a useless check is tried again
 
 MAXIMA = 4  # per thread: speed^2, acceleration^2, displacement^2, shift^2

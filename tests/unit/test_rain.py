@@ -8,7 +8,7 @@ import pytest
 from tests.rain import Rain
 from warpsph.case.case import Case
 from warpsph.kernels.core import clock as ck
-from warpsph.running.model import KEPT_COUNTERS, Model
+from warpsph.running.model import Model
 from warpsph.schemes import registry
 
 HEIGHT, WIDTH, SPACING, GRAVITY = 1.0, 0.5, 0.05, 10.0
@@ -91,7 +91,7 @@ def test_restart_in_the_middle_is_bit_identical(device):
     for name, values in whole.save_state().items():
         again = rest.save_state()[name]
         if name == "counters":  # how long a list was, and what room was asked for, is no state
-            values, again = (counters[list(KEPT_COUNTERS)] for counters in (values, again))
+            values, again = (counters[ck.COUNTERS.kept] for counters in (values, again))
         np.testing.assert_array_equal(values, again, err_msg=name)
 
 

@@ -394,7 +394,9 @@ class Bound:
     def _add(self, node: Node, levels: Sequence[Level]) -> None:
         stepper = self.stepper
         if isinstance(node, Stage):
-            for level in levels:
+            # there is one clock, whatever the number of levels
+            once = node.kernel is stepper.program.advance.kernel
+            for level in levels[:1] if once else levels:
                 self._add_task(stepper.task(node, level))
         elif isinstance(node, Solve):
             for level in levels:

@@ -37,8 +37,6 @@ from warpsph.start import start_warp
 if TYPE_CHECKING:
     from warpsph.case.case import Case
 
-KEPT_COUNTERS = (ck.STEPS, ck.REBUILDS, ck.STEPS_SINCE_RARE, ck.CHECKS, ck.STRAIGHT, ck.USELESS, ck.LIVE, ck.NEXT_ID)
-
 
 def quiet_warp(device: str = "cpu") -> None:
     """Start Warp without its banner and compile lines; a missing CUDA driver is told if the device needs one."""
@@ -394,14 +392,9 @@ class Model:
             self.stepper.bindings["leak_counts"].assign(state["leak_counts"])
         clock = np.array(self.stepper.read()[0])
         saved = state["clock"]
-        for index in (
-            ck.TIME, ck.STEP, ck.LAST_STEP, ck.EXCESS_PRESSURE, ck.BOX_VOLUME, ck.SPEED, ck.ACCELERATION, ck.OFFSET,
-            ck.SHIFT, ck.CHECKED, ck.CHECK_TIME, ck.CHECK_LASTS, ck.DRIFT, ck.DRIFT_SPEED,
-            *range(ck.MOMENTUM, ck.MOMENTUM + 3), *range(ck.DRIFT_VELOCITY, ck.DRIFT_VELOCITY + 3),
-            ck.SINCE_RARE, ck.RARE_WAY,
-        ):  # fmt: skip
-            clock[index] = saved[index]
+        clock[ck.CLOCK.kept] = saved[ck.CLOCK.kept]
         self.stepper.write(
             clock=dict(enumerate(clock)),
-            counters={k: int(state["counters"][k]) for k in KEPT_COUNTERS},
+            # checkpoints of older versions have fewer counters
+            counters={k: int(state["counters"][k]) for k in ck.COUNTERS.kept if k < len(state["counters"])},
         )
