@@ -1,4 +1,4 @@
-"""Integrators for schemes whose kernels write rates: a few stages that advance declared fields (theory/common#integrators).
+"""Integrators for schemes whose kernels write rates: a few stages that advance declared fields (theory: common#integrators).
 
     rk4(spec, {"temperature": "heating"}, rates=[Stage("conduction", ...)])
 
