@@ -7,6 +7,7 @@ import pytest
 
 from tests.rain import Rain
 from warpsph.case.case import Case
+from warpsph.errors import WarpsphError
 from warpsph.kernels.core import clock as ck
 from warpsph.running.model import Model
 from warpsph.schemes import registry
@@ -103,3 +104,9 @@ def test_room_changes_nothing(device):
     assert wide.particles.fluid_capacity == 500 > narrow.particles.fluid_capacity
     for name in ("particle_id", "position", "velocity"):
         np.testing.assert_array_equal(getattr(narrow.snapshot(), name), getattr(wide.snapshot(), name))
+
+
+def test_sums_that_do_not_follow_births_are_refused(device):
+    """A wrong count would be added up without a word."""
+    with pytest.raises(WarpsphError, match="births and deaths of scheme rain"):
+        _ = rain(device).sums

@@ -19,7 +19,7 @@ from warpsph.engine.launch import Bindings, Launcher, Task
 from warpsph.engine.population import Population
 from warpsph.errors import CapacityError
 from warpsph.kernels.core import cells, slack
-from warpsph.kernels.core.clock import BAND_COUNT, make_judge
+from warpsph.kernels.core.clock import make_judge
 from warpsph.kernels.core.leaks import make_leaks
 from warpsph.kernels.core.mirror import code_shift, make_sides
 from warpsph.kernels.core.spec import Spec, types_of
@@ -312,10 +312,6 @@ class NeighbourList:
         tasks.append(launcher.task("check", relative, self.cell_count, bindings, special=arguments(cells_, source)))
         tasks.append(launcher.task("check", judge, 1, bindings, single=True))
         return tasks
-
-    def band_count(self, counters: np.ndarray) -> int:
-        """Return how many particles the interface band holds."""
-        return int(counters[BAND_COUNT])
 
 
 def _copier(array: Any, scratch: Any, rows: int) -> Any:

@@ -18,6 +18,7 @@ from warpsph.engine.level import Level
 from warpsph.engine.neighbours import default_width
 from warpsph.engine.population import Population
 from warpsph.engine.stepper import Stepper
+from warpsph.errors import WarpsphError
 from warpsph.kernels.core import clock as ck
 from warpsph.kernels.core.leaks import LARGEST, LAST
 from warpsph.kernels.core.mirror import FREE_SLIP, NO_SLIP, NO_WALL, make_sides
@@ -322,7 +323,16 @@ class Model:
 
     @functools.cached_property
     def sums(self) -> DeviceSums:
-        """Sums of the state over phases, walls and interfaces."""
+        """Sums of the state over phases, walls and interfaces.
+
+        Raises:
+            WarpsphError: the number of particles changes, which these sums do not follow.
+        """
+        if self.particles.changing:
+            raise WarpsphError(
+                f"gauges: those that add up particles do not follow the births and deaths of scheme {self.scheme.name}; "
+                "take a gauge that reads the particles themselves"
+            )
         scene = Scene(self.case, eos_of_run(self.case, self.physics.sound_speed))
         return DeviceSums(self.particles, self.launcher, self.stepper.clock, scene, self.case.spacing, self.scheme.staggered)
 
