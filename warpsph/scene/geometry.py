@@ -57,6 +57,7 @@ class Geometry:
     body: (n,) int32, 0 for fluid, k for the k-th wall body
     body_names: name of the k-th wall body at position k - 1: `x_lower`, `y_upper`, ..., then the obstacles, then the bodies
     blocked: number of cells of the domain that hold no fluid, because of obstacles and bodies
+    at_open_side: whether a cell that no obstacle or body takes lies at an open side of the domain
     surface: where the surface of the walls is, seen from each wall particle; None without bodies
     lattice: the cells that the particles come from; its `lower` and `upper` are where the walls stand
     arrangement: lattice or fitted: what `start.arrangement` came to
@@ -75,6 +76,7 @@ class Geometry:
     body: NDArray[np.int32]
     body_names: tuple[str, ...]
     blocked: int
+    at_open_side: bool
     surface: Surroundings | None
     lattice: Lattice
     arrangement: str = "lattice"
@@ -179,9 +181,20 @@ def build(case: Case, support: float, unlock: float = 0.0, arrange: Arrange | No
         body=rows(None, walls.body, np.int32),
         body_names=tuple(walls.names),
         blocked=0 if solid is None else int(np.count_nonzero(solid)),
+        at_open_side=_at_open_side(case, np.ones(lattice.count, np.bool_) if solid is None else ~solid),
         surface=surface,
         lattice=lattice,
         arrangement=arrangement,
         arrangement_reason=reason,
         warnings=warnings,
     )
+
+
+def _at_open_side(case: Case, free: NDArray[np.bool_]) -> bool:
+    """Whether a free cell of the domain lies at an open side; a hollow body may close a domain whose sides are open."""
+    for axis, sides in enumerate(case.sides):
+        cells = np.moveaxis(free, axis, 0)
+        for side, rim in ((sides.lower, cells[0]), (sides.upper, cells[-1])):
+            if side.kind == "open" and rim.any():
+                return True
+    return False
