@@ -98,6 +98,15 @@ def check_obstacles(case: Any, _folder: Path | None, _raw: Any) -> Problems:
     yield from each(_check_shape, shapes, case)
 
 
+def check_bodies(case: Any, _folder: Path | None, _raw: Any) -> Problems:
+    def check(name: str, body: Any) -> Problems:
+        if body.shape.kind == "rest":
+            yield Problem(f"bodies.{name}.shape", "rest", "is for fluids only", f"use one of {', '.join(SHAPES)}")
+
+    yield from each(check, list(case.bodies.items()))
+    yield from each(_check_shape, [(f"bodies.{name}.shape", body) for name, body in case.bodies.items()], case)
+
+
 def _check_shape(case: Any, path: str, owner: Any) -> Problems:
     """Lengths of vectors, order of corners, place in the domain, of one shape."""
     shape = owner.shape

@@ -5,7 +5,8 @@ pass over this lattice decides what every cell holds:
 
 1. walls: where a side of the domain is a wall, the lattice continues beyond it for as many layers as the
    smoothing kernel reaches, corners included;
-2. obstacles: cells inside an obstacle become wall particles;
+2. obstacles: cells inside an obstacle become wall particles; bodies: their surfaces are sampled whatever the lattice is, and
+   cells nearer to one than half a spacing hold no fluid;
 3. fluids: each remaining cell of the domain gets the phase of the region that contains it, or stays empty.
 
 Where an interface between two phases runs through lattice cells, the start is a *fitted* one (`start.arrangement`): it
@@ -15,6 +16,7 @@ has the particles of the lattice, but whoever wants it gives `build` a function 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
@@ -26,7 +28,7 @@ from warpsph.scene.borders import Regions
 from warpsph.scene.fluid_regions import EntryAt, chosen_arrangement, fluid_regions, loose_gas, off_lattice
 from warpsph.scene.lattice import Lattice, make_lattice
 from warpsph.scene.start_fluid import fluid_particles, start_pressure, start_velocity
-from warpsph.scene.wall_cells import WallCells
+from warpsph.scene.wall_cells import Surroundings, WallCells
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -53,7 +55,10 @@ class Geometry:
     wall_slip: (n,) uint8, 1 on free-slip walls
     boundary_velocity: (n, d), m/s; velocity of the wall, 0 for fluid
     body: (n,) int32, 0 for fluid, k for the k-th wall body
-    body_names: name of the k-th wall body at position k - 1: `x_lower`, `y_upper`, ..., then the obstacles
+    body_names: name of the k-th wall body at position k - 1: `x_lower`, `y_upper`, ..., then the obstacles, then the bodies
+    blocked: number of cells of the domain that hold no fluid, because of obstacles and bodies
+    at_open_side: whether a cell that no obstacle or body takes lies at an open side of the domain
+    surface: where the surface of the walls is, seen from each wall particle; None without bodies
     lattice: the cells that the particles come from; its `lower` and `upper` are where the walls stand
     arrangement: lattice or fitted: what `start.arrangement` came to
     arrangement_reason: why
@@ -70,6 +75,9 @@ class Geometry:
     boundary_velocity: NDArray[np.float64]
     body: NDArray[np.int32]
     body_names: tuple[str, ...]
+    blocked: int
+    at_open_side: bool
+    surface: Surroundings | None
     lattice: Lattice
     arrangement: str = "lattice"
     arrangement_reason: str = ""
@@ -115,15 +123,17 @@ def build(case: Case, support: float, unlock: float = 0.0, arrange: Arrange | No
     if not case.scheme.mirrors_sides:
         walls.add_sides()
     walls.add_obstacles(problems)
-    region = fluid_regions(case, lattice, walls.solid_in_domain(), problems)
+    walls.add_bodies(support, problems)
+    solid = walls.solid_in_domain()
+    region = fluid_regions(case, lattice, solid, problems)
     if problems:
         raise CaseError(problems)
 
     phase_index = {name: k for k, name in enumerate(case.phase_names)}
     # The entry appended at the end is what region -1, an empty cell, finds.
     phase_of_region = np.array([*(phase_index[fluid.phase] for fluid in case.fluids), -1], dtype=np.int32)
-    problems += loose_gas(case, lattice, phase_of_region[region], walls.solid_in_domain(), support)
-    regions = Regions(lattice, case.periodic, region, walls.solid_in_domain(), phase_of_region, EntryAt(case))
+    problems += loose_gas(case, lattice, phase_of_region[region], solid, support)
+    regions = Regions(lattice, case.periodic, region, solid, phase_of_region, EntryAt(case))
     arrangement, reason = chosen_arrangement(case, regions)
     if arrangement == "lattice":
         warnings += off_lattice(case, lattice)
@@ -134,7 +144,7 @@ def build(case: Case, support: float, unlock: float = 0.0, arrange: Arrange | No
     if case.start.pressure is not None:
         rest_density = np.array([*(phase.density for phase in case.phases.values()), 0.0])
         density = rest_density[phase_of_region][region]
-        pressure = start_pressure(case, lattice, density, walls.solid_in_domain(), fluid, problems, warnings)
+        pressure = start_pressure(case, lattice, density, solid, fluid, problems, warnings)
     if problems:
         raise CaseError(problems)
 
@@ -152,6 +162,13 @@ def build(case: Case, support: float, unlock: float = 0.0, arrange: Arrange | No
     volume = np.full(total, lattice.cell_volume)
     if packed is not None:
         volume[:fluids] *= packed[1]
+    surface = walls.surface() if case.bodies else None
+    if surface is not None:
+        volume[fluids:] = surface.volume
+        if solid is not None and not (region < 0)[~solid].any():
+            # the particles share the room that the bodies leave, not that of the cells
+            free = math.prod(lattice.count) * lattice.cell_volume - sum(s.measure for s in walls.samplings)
+            volume[:fluids] *= free / volume[:fluids].sum()
     return Geometry(
         position=rows(fluid.position, walls.position, np.float64, vector),
         velocity=rows(velocity, walls.velocity, np.float64, vector),
@@ -163,8 +180,21 @@ def build(case: Case, support: float, unlock: float = 0.0, arrange: Arrange | No
         boundary_velocity=rows(None, walls.velocity, np.float64, vector),
         body=rows(None, walls.body, np.int32),
         body_names=tuple(walls.names),
+        blocked=0 if solid is None else int(np.count_nonzero(solid)),
+        at_open_side=_at_open_side(case, np.ones(lattice.count, np.bool_) if solid is None else ~solid),
+        surface=surface,
         lattice=lattice,
         arrangement=arrangement,
         arrangement_reason=reason,
         warnings=warnings,
     )
+
+
+def _at_open_side(case: Case, free: NDArray[np.bool_]) -> bool:
+    """Whether a free cell of the domain lies at an open side; a hollow body may close a domain whose sides are open."""
+    for axis, sides in enumerate(case.sides):
+        cells = np.moveaxis(free, axis, 0)
+        for side, rim in ((sides.lower, cells[0]), (sides.upper, cells[-1])):
+            if side.kind == "open" and rim.any():
+                return True
+    return False
