@@ -7,7 +7,7 @@ faces lie between cells of the lattice gets the cells of the lattice.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -54,6 +54,24 @@ class Sampling:
     def count(self) -> int:
         """Number of particles."""
         return len(self.depth)
+
+    def only(self, kept: NDArray[np.bool_]) -> Sampling:
+        """A part of the particles (n,); those whose leader goes get the nearest one of the first layer that stays.
+
+        What has no particle of the first layer left goes as well.
+        """
+        from scipy.spatial import cKDTree
+
+        first = np.flatnonzero(kept & (self.layer == 0))
+        if len(first) == 0:
+            kept = np.zeros_like(kept)
+        new_row = np.cumsum(kept) - 1
+        leader = self.leader.copy()
+        lost = kept & ~kept[leader]
+        if lost.any():
+            leader[lost] = first[cKDTree(self.position[first]).query(self.foot[lost])[1]]
+        columns = {name: getattr(self, name)[kept] for name in self.__dataclass_fields__ if name != "leader"}
+        return replace(self, leader=new_row[leader[kept]], **columns)
 
 
 def sample(

@@ -16,7 +16,6 @@ has the particles of the lattice, but whoever wants it gives `build` a function 
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
@@ -24,7 +23,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from warpsph.errors import CaseError, Problem
-from warpsph.scene.borders import Regions
+from warpsph.scene.body_surfaces import SAME
+from warpsph.scene.borders import Regions, volume_factors
 from warpsph.scene.fluid_regions import EntryAt, chosen_arrangement, fluid_regions, loose_gas, off_lattice
 from warpsph.scene.lattice import Lattice, make_lattice
 from warpsph.scene.start_fluid import fluid_particles, start_pressure, start_velocity
@@ -99,6 +99,23 @@ class Geometry:
         return self.count - self.fluid_count
 
 
+def either(one: NDArray[np.bool_] | None, other: NDArray[np.bool_] | None) -> NDArray[np.bool_] | None:
+    """Cells of one or the other; None stands for no cells."""
+    if one is None or other is None:
+        return one if other is None else other
+    return one | other
+
+
+def shared_room(regions: Regions, region: NDArray[np.int32]) -> NDArray[np.float64]:
+    """Volume of a particle of each entry over that of a cell, when the cells of `region` share the room of the entry.
+
+    regions: what fills the domain; its entries may have more cells, those that are nearer to a body.
+    """
+    factor = volume_factors(regions)
+    had, has = (np.bincount(cells.ravel() + 1, minlength=len(factor) + 1)[1:] for cells in (regions.entry, region))
+    return np.asarray(factor * had / np.maximum(has, 1))
+
+
 Arrange = Callable[[Regions, int], tuple["NDArray[np.float64]", "NDArray[np.float64]"]]
 """What makes a fitted arrangement: from the regions and a seed to the way of each fluid particle from the middle of its
 cell (n, d), m, and its volume over that of the cell (n,); particles in the order of their cells."""
@@ -124,19 +141,28 @@ def build(case: Case, support: float, unlock: float = 0.0, arrange: Arrange | No
         walls.add_sides()
     walls.add_obstacles(problems)
     walls.add_bodies(support, problems)
-    solid = walls.solid_in_domain()
-    region = fluid_regions(case, lattice, solid, problems)
+    obstacles, covered = walls.solid_in_domain(), walls.covered(0.0)[lattice.domain] if case.bodies else None
+    region = fluid_regions(case, lattice, either(obstacles, covered), problems)
     if problems:
         raise CaseError(problems)
 
     phase_index = {name: k for k, name in enumerate(case.phase_names)}
     # The entry appended at the end is what region -1, an empty cell, finds.
     phase_of_region = np.array([*(phase_index[fluid.phase] for fluid in case.fluids), -1], dtype=np.int32)
-    problems += loose_gas(case, lattice, phase_of_region[region], solid, support)
-    regions = Regions(lattice, case.periodic, region, solid, phase_of_region, EntryAt(case))
-    arrangement, reason = chosen_arrangement(case, regions)
+    problems += loose_gas(case, lattice, phase_of_region[region], either(obstacles, covered), support)
+    surfaces = [solid.surface for solid in walls.solids]
+    boundary = np.concatenate([solid.sampling.position for solid in walls.solids]) if walls.solids else None
+    regions = Regions(
+        lattice, case.periodic, region, obstacles, phase_of_region, EntryAt(case, surfaces), covered, boundary
+    )  # fmt: skip
+    cut = [name for name, solid in zip(case.bodies, walls.solids, strict=True) if not solid.on_lattice(case.spacing)]
+    arrangement, reason = chosen_arrangement(case, regions, cut)
     if arrangement == "lattice":
         warnings += off_lattice(case, lattice)
+        if cut:
+            covered = walls.covered(0.5 * case.spacing * (1.0 - SAME))[lattice.domain]
+            region = np.where(covered, np.int32(-1), region)
+    solid = either(obstacles, covered)
     packed = arrange(regions, case.start.seed) if arrange is not None and arrangement == "fitted" else None
     fluid = fluid_particles(case, lattice, region, max(case.start.noise, unlock), None if packed is None else packed[0])
     velocity = start_velocity(case, fluid, problems)
@@ -162,13 +188,11 @@ def build(case: Case, support: float, unlock: float = 0.0, arrange: Arrange | No
     volume = np.full(total, lattice.cell_volume)
     if packed is not None:
         volume[:fluids] *= packed[1]
+    elif cut:
+        volume[:fluids] *= shared_room(regions, region)[region[fluid.cells]]
     surface = walls.surface() if case.bodies else None
     if surface is not None:
         volume[fluids:] = surface.volume
-        if solid is not None and not (region < 0)[~solid].any():
-            # the particles share the room that the bodies leave, not that of the cells
-            free = math.prod(lattice.count) * lattice.cell_volume - sum(s.measure for s in walls.samplings)
-            volume[:fluids] *= free / volume[:fluids].sum()
     return Geometry(
         position=rows(fluid.position, walls.position, np.float64, vector),
         velocity=rows(velocity, walls.velocity, np.float64, vector),
