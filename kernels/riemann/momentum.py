@@ -92,6 +92,7 @@ def make_momentum(spec: Spec) -> Any:
         normal: wp.array(dtype=vec),
         mirror_velocity: wp.array(dtype=vec),
         slip: wp.array(dtype=wp.uint8),
+        boundary_volume: wp.array(dtype=real),
         density_excess: wp.array(dtype=real),
         wall_impact: wp.array(dtype=real),
         acceleration: wp.array(dtype=vec),
@@ -99,6 +100,7 @@ def make_momentum(spec: Spec) -> Any:
         carried: wp.array(dtype=vec),
         facing: wp.array(dtype=vec),
         velocity_gradient: wp.array(dtype=mat),
+        pressure_gradient: wp.array(dtype=vec),
         maxima: wp.array(dtype=real),
     ):
         i = wp.tid() + first
@@ -142,6 +144,8 @@ def make_momentum(spec: Spec) -> Any:
         lone = real(0.0)
         room = state_i[1]  # sum of (1 - r^2/R^2)^2 V, its own place included
         fluid_count = particle_count - slip.shape[0]
+        if wp.static(spec.bodies):
+            fluid_count = particle_count - boundary_volume.shape[0]
         k = list_begin(i, list_width)
         step = list_step(particle_count)
         end = k + int(fluid_neighbours[i]) * step
@@ -282,10 +286,12 @@ def make_momentum(spec: Spec) -> Any:
                 if wp.static(spec.room):
                     inside = wp.max(real(1.0) - r2 * params.inv_window, real(0.0))
                     room += inside * inside * wall_volume
+                if wp.static(spec.bodies and spec.shifting):
+                    wall_flow += wp.outer(mirror_velocity[j - fluid_count] - vi, fd)
                 if wp.static(spec.wall_no_slip):
                     if slip[j - fluid_count] == wp.uint8(0):
                         mirror = mirror_velocity[j - fluid_count]
-                        if wp.static(spec.shifting):
+                        if wp.static(spec.shifting and not spec.bodies):
                             wall_flow += wp.outer(mirror - vi, fd)
                         viscous_sum += (own.viscosity * f) * viscous_term(
                             vi - mirror, d, r2 + params.tiny, params.inv_h
@@ -310,7 +316,7 @@ def make_momentum(spec: Spec) -> Any:
         gradient = own_sum * g_norm  # of the pressure, from the own phase [Pa/m]
         inner_shear = flow * g_norm  # velocity gradient of the fluid alone [1/s]
         shear = inner_shear  # with what no-slip walls make of it, shear[a, b] = d v_a / d x_b [1/s]
-        if wp.static(spec.wall_no_slip and spec.shifting):
+        if wp.static((spec.wall_no_slip or spec.bodies) and spec.shifting):
             shear = (flow + wall_flow) * g_norm
         if wp.static(spec.corrected):
             total = (pressure_sum + own_sum) * g_norm
@@ -323,7 +329,7 @@ def make_momentum(spec: Spec) -> Any:
                 gradient = inverse * gradient
                 if wp.static(spec.shifting):
                     shear = shear * inverse
-                    if wp.static(spec.wall_no_slip):
+                    if wp.static(spec.wall_no_slip or spec.bodies):
                         inner_shear = inner_shear * inverse
                     if wp.static(spec.viscosity == "morris" or spec.viscosity == "radial"):
                         # Both forms are exact for a quadratic field on an even arrangement: take out what an uneven one
@@ -373,6 +379,8 @@ def make_momentum(spec: Spec) -> Any:
                     wall_push += rho_i * touch[axis] * drive / (wp.length(into_wall) * g_norm)
             wall_impact[i] = wall_push
         acceleration[i] = a
+        if wp.static(spec.bodies and spec.corrected):
+            pressure_gradient[i] = gradient
 
         if wp.static(spec.shifting):
             # The flow disorders particles at the rate of its velocity gradient, so the shift works at that rate: a resting
@@ -393,7 +401,7 @@ def make_momentum(spec: Spec) -> Any:
             # What the particle carries is that of its new place: dv = grad v dx, ds = dx.grad p / (rho0 c^2). The mirrored
             # velocities take no part: the shift keeps a particle off a wall that the flow holds it against, step by step,
             # and would pump up its velocity each time, up to 14-fold with what is mirrored far behind the wall.
-            if wp.static(spec.wall_no_slip):
+            if wp.static(spec.wall_no_slip or spec.bodies):
                 carried[i] = inner_shear * dx
             else:
                 carried[i] = shear * dx

@@ -25,6 +25,7 @@ import numpy as np
 
 from warpsph.errors import CaseError, Problem
 from warpsph.scene.borders import Regions
+from warpsph.scene.cut_cells import free_volumes
 from warpsph.scene.fluid_regions import EntryAt, chosen_arrangement, fluid_regions, loose_gas, off_lattice
 from warpsph.scene.lattice import Lattice, make_lattice
 from warpsph.scene.start_fluid import fluid_particles, start_pressure, start_velocity
@@ -165,8 +166,11 @@ def build(case: Case, support: float, unlock: float = 0.0, arrange: Arrange | No
     surface = walls.surface() if case.bodies else None
     if surface is not None:
         volume[fluids:] = surface.volume
+        if packed is None:
+            assert solid is not None
+            volume[:fluids] = free_volumes(lattice, case.periodic, region >= 0, solid, walls.distances)
         if solid is not None and not (region < 0)[~solid].any():
-            # the particles share the room that the bodies leave, not that of the cells
+            # the rounding of volumes that are counted by points
             free = math.prod(lattice.count) * lattice.cell_volume - sum(s.measure for s in walls.samplings)
             volume[:fluids] *= free / volume[:fluids].sum()
     return Geometry(

@@ -11,6 +11,7 @@ import numpy as np
 from warpsph.case.domain import AXES
 from warpsph.errors import ExpressionError, Problem
 from warpsph.scene.body_sampling import Sampling, circle
+from warpsph.scene.cut_cells import Distance
 from warpsph.scene.fluid_regions import expression_problem
 from warpsph.scene.lattice import Lattice, open_grid, points_of
 from warpsph.scene.masks import inside
@@ -61,6 +62,11 @@ def surroundings_of_sides(position: NDArray[np.float64], lattice: Lattice) -> Su
     return Surroundings(normal, depth, area, np.full(n, lattice.cell_volume), leader)
 
 
+def _circle_distance(center: NDArray[np.float64], radius: float, sign: float) -> Distance:
+    """Distance from the surface of a circle, positive where the fluid is: outside for sign 1, inside for -1."""
+    return lambda points: sign * (np.linalg.norm(points - center, axis=1) - radius)
+
+
 class WallCells:
     """The wall particles of a case: first the sides of the domain, then the obstacles, then the bodies.
 
@@ -69,6 +75,7 @@ class WallCells:
     slip: (n,) uint8, 1 on free-slip walls
     body: (n,) int32, number of the wall body, from 1
     samplings: of each body, in their order
+    distances: from the surface of each body, in their order
     """
 
     def __init__(self, case: Case, lattice: Lattice) -> None:
@@ -82,6 +89,7 @@ class WallCells:
         self.slip = np.empty(0, dtype=np.uint8)
         self.body = np.empty(0, dtype=np.int32)
         self.samplings: list[Sampling] = []
+        self.distances: list[Distance] = []
 
     @property
     def count(self) -> int:
@@ -186,8 +194,10 @@ class WallCells:
                 continue
             grid = open_grid(lattice.axes())
             center, radius = body.shape.sphere.center, body.shape.sphere.radius
+            sign = -1.0 if body.hollow else 1.0
             distance = np.sqrt(sum((x - c) ** 2 for x, c in zip(grid, center, strict=True))) - radius
-            self.solid |= (-distance if body.hollow else distance) < 0.5 * spacing * (1.0 - _SAME)
+            self.solid |= sign * distance < 0.5 * spacing * (1.0 - _SAME)
+            self.distances.append(_circle_distance(np.array(center), radius, sign))
             sampling = circle(body.shape.sphere, body.hollow, spacing, math.ceil(support / spacing - 1e-9))
             self.samplings.append(sampling)
             n = len(sampling.depth)
