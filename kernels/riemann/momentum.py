@@ -93,6 +93,8 @@ def make_momentum(spec: Spec) -> Any:
         mirror_velocity: wp.array(dtype=vec),
         slip: wp.array(dtype=wp.uint8),
         boundary_volume: wp.array(dtype=real),
+        wall_depth: wp.array(dtype=real),
+        wall_normal: wp.array(dtype=vec),
         density_excess: wp.array(dtype=real),
         wall_impact: wp.array(dtype=real),
         acceleration: wp.array(dtype=vec),
@@ -135,6 +137,9 @@ def make_momentum(spec: Spec) -> Any:
         face_gap = vec(params.spacing)  # clearance along each axis to the wall cell straight ahead [m]
         face_side = vec()  # whether that cell is above (1) or below (-1)
         face_speed = vec()  # speed of that cell along the axis [m/s]
+        face_foot2 = vec(real(4.0) * params.h * params.h)  # bodies: square of the distance to the foot on that face [m^2]
+        face_normal = mat()  # bodies: in each row the normal there, into the fluid
+        nearest2 = real(4.0) * params.h * params.h  # bodies: the same for the nearest of all
         touch = vec()  # share of what drives the particle along each axis that such a cell takes up
         first_row = real(0.0)  # 1 in the first row before a wall, 0 from the second on
         approach = real(0.0)  # sum of F V x_ij.(v_i - v_w): speed into the wall times |into_wall|
@@ -251,18 +256,37 @@ def make_momentum(spec: Spec) -> Any:
                 f = slope(wp.sqrt(r2) * params.inv_h) * wall_volume
                 fd = f * d
                 into_wall += fd
-                beyond = wp.max(wp.abs(d) - half_cell, vec())
-                gap2 = wp.min(gap2, wp.dot(beyond, beyond))
-                for axis in range(wp.static(spec.dimension)):
-                    across = beyond
-                    across[axis] = real(0.0)
-                    if wp.dot(across, across) == real(0.0):
-                        # this cell is straight ahead along the axis
-                        clear = wp.abs(d[axis]) - half_cell[axis]
-                        if clear < face_gap[axis]:
+                if wp.static(not spec.bodies):
+                    beyond = wp.max(wp.abs(d) - half_cell, vec())
+                    gap2 = wp.min(gap2, wp.dot(beyond, beyond))
+                    for axis in range(wp.static(spec.dimension)):
+                        across = beyond
+                        across[axis] = real(0.0)
+                        if wp.dot(across, across) == real(0.0):
+                            # this cell is straight ahead along the axis
+                            clear = wp.abs(d[axis]) - half_cell[axis]
+                            if clear < face_gap[axis]:
+                                face_gap[axis] = clear
+                                face_side[axis] = -wp.sign(d[axis])
+                                face_speed[axis] = velocity[j][axis]
+                if wp.static(spec.bodies):
+                    # the surface as the plane at the nearest foot: one for each axis that a normal may lie nearest to
+                    w = j - fluid_count
+                    n_w = wall_normal[w]
+                    clear = wp.dot(d, n_w) - wall_depth[w]
+                    foot2 = r2 - wall_depth[w] * (real(2.0) * clear + wall_depth[w])
+                    if foot2 < nearest2:
+                        nearest2 = foot2
+                        gap2 = wp.clamp(clear, real(0.0), params.spacing)
+                        gap2 = gap2 * gap2
+                    steep = wp.max(wp.abs(n_w))
+                    for axis in range(wp.static(spec.dimension)):
+                        if wp.abs(n_w[axis]) == steep and foot2 < face_foot2[axis]:
+                            face_foot2[axis] = foot2
                             face_gap[axis] = clear
-                            face_side[axis] = -wp.sign(d[axis])
-                            face_speed[axis] = velocity[j][axis]
+                            face_speed[axis] = wp.dot(velocity[j], n_w)
+                            for part in range(wp.static(spec.dimension)):
+                                face_normal[axis, part] = n_w[part]
                 approach += wp.dot(vi - velocity[j], fd)
                 p_wall = state[j][0]
                 if wp.static(spec.multiphase and not spec.bodies):
@@ -369,7 +393,15 @@ def make_momentum(spec: Spec) -> Any:
                 touch[axis] = wp.clamp(
                     (real(TOUCH) - face_gap[axis] / params.spacing) / real(wp.static(TOUCH - STOP)), real(0.0), real(1.0)
                 )
-                if touch[axis] > real(0.0):
+                if wp.static(spec.bodies):
+                    n_w = face_normal[axis]
+                    drive = wp.max(-wp.dot(a, n_w), real(0.0))
+                    speed = wp.max(face_speed[axis] - wp.dot(vi, n_w), real(0.0))
+                    damping = real(2.0) * own.sound_speed * wp.length(into_wall) * g_norm
+                    drive = touch[axis] * (drive + speed * damping / (real(1.0) + damping * real(clock[STEP])))
+                    a += drive * n_w
+                    wall_push += rho_i * drive / wp.max(wp.length(into_wall) * g_norm, real(1.0e-6) / params.h)
+                elif touch[axis] > real(0.0):
                     side = face_side[axis]
                     drive = wp.max(a[axis] * side, real(0.0))
                     speed = wp.max((vi[axis] - face_speed[axis]) * side, real(0.0))
@@ -395,7 +427,9 @@ def make_momentum(spec: Spec) -> Any:
             if wp.static(spec.walls):
                 dx += wall_reaction(dx, into_wall, lone * first_row)
                 for axis in range(wp.static(spec.dimension)):
-                    if dx[axis] * face_side[axis] > real(0.0):
+                    if wp.static(spec.bodies):
+                        dx -= (touch[axis] * wp.min(wp.dot(dx, face_normal[axis]), real(0.0))) * face_normal[axis]
+                    elif dx[axis] * face_side[axis] > real(0.0):
                         dx[axis] -= touch[axis] * dx[axis]
             shift[i] = dx
             # What the particle carries is that of its new place: dv = grad v dx, ds = dx.grad p / (rho0 c^2). The mirrored
