@@ -21,7 +21,9 @@ from .params import make_params, make_phase
 from .smoothing import make_smoothing
 from .spec import SWEEP_OPTIONS, Spec, types_of
 
-THIN = 1.0e-3  # determinant of a moment below which it is not inverted, over that of an even half space, per dimension
+HALF_SPACE = {1: 0.07, 2: 0.019, 3: 0.0047}  # determinant of the spread of an even half space, over h^(2d) (Wendland C2)
+THIN = 0.05  # share of it below which the fluid before a foot is too thin for a fit; a right-angled corner has a quarter
+NEAREST = 0.25  # spacings: fluid nearer than that to the surface counts as at that distance, for the slope of its velocity
 
 
 @functools.cache
@@ -51,7 +53,7 @@ def make_wall_fit(spec: Spec) -> Any:
     shape, _ = make_smoothing(spec.kernel, spec.precision)
     separation = separation_of(spec)
     list_begin, list_step, neighbour, Listed = list_access(spec)
-    thin = THIN**spec.dimension
+    thin = THIN * HALF_SPACE[spec.dimension]
 
     @wp.kernel(module="unique", enable_backward=False, module_options=SWEEP_OPTIONS)
     def wall_fit(
@@ -127,10 +129,9 @@ def make_wall_fit(spec: Spec) -> Any:
             shear = shear * inv_weight
             flow = flow * inv_weight
             spread = square - wp.outer(mean, mean)
-            size = params.spacing * params.spacing
             limit = real(thin)
             for _axis in range(wp.static(spec.dimension)):
-                limit = limit * size
+                limit = limit * params.h * params.h
             whole = wp.determinant(spread) > limit
             inverse = mat()
             if whole:
@@ -138,18 +139,21 @@ def make_wall_fit(spec: Spec) -> Any:
                 gradient = inverse * (slope_p * inv_weight - p * mean)
             p = p - wp.dot(gradient, mean)
             free = (shear - wp.outer(flow, mean)) * inverse  # of a fit that does not know the wall
-            if wp.determinant(square) > limit:
+            if whole:
                 shear = shear * wp.inverse(square)
             else:
-                out = wp.max(wp.dot(normal, square * normal), real(1.0e-6) * size)
+                nearest = real(NEAREST) * params.spacing
+                out = wp.max(wp.dot(normal, square * normal), nearest * nearest)
                 shear = wp.outer(shear * normal / out, normal)
             if slips:
-                # along a wall without friction the fluid has its own velocity, which does not change along the normal
+                # along a wall without friction the fluid has its own velocity, and no shear stress: (S + S^T) n is along n
                 along = flow - free * mean
                 along -= normal * wp.dot(along, normal)
                 free -= wp.outer(free * normal, normal)
                 free -= wp.outer(normal, wp.transpose(free) * normal)
-                shear = free + wp.outer(normal, wp.transpose(shear) * normal)
+                out_of = wp.transpose(shear) * normal
+                twist = out_of - normal * wp.dot(out_of, normal)
+                shear = free + wp.outer(normal, out_of) - wp.outer(twist, normal)
                 own_velocity += along
             gradient += balanced * (density * inv_weight)
         else:

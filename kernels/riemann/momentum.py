@@ -312,10 +312,15 @@ def make_momentum(spec: Spec) -> Any:
                     room += inside * inside * wall_volume
                 if wp.static(spec.bodies and spec.shifting):
                     wall_flow += wp.outer(mirror_velocity[j - fluid_count] - vi, fd)
-                if wp.static(spec.wall_no_slip):
+                if wp.static(spec.bodies and viscous):
+                    # without friction the velocity mirrored is one that makes no shear stress at the surface
+                    viscous_sum += (own.viscosity * f) * viscous_term(
+                        vi - mirror_velocity[j - fluid_count], d, r2 + params.tiny, params.inv_h
+                    )
+                if wp.static(spec.wall_no_slip and not spec.bodies):
                     if slip[j - fluid_count] == wp.uint8(0):
                         mirror = mirror_velocity[j - fluid_count]
-                        if wp.static(spec.shifting and not spec.bodies):
+                        if wp.static(spec.shifting):
                             wall_flow += wp.outer(mirror - vi, fd)
                         viscous_sum += (own.viscosity * f) * viscous_term(
                             vi - mirror, d, r2 + params.tiny, params.inv_h
