@@ -469,7 +469,7 @@ def scene(dimension: int, gauge: Mapping[str, Any]) -> Case:
                 {"phase": "gas", "shape": {"sphere": {"center": [0.5] * dimension, "radius": 0.2}}},
                 {"phase": "liquid", "shape": "rest"},
             ],
-            "obstacles": [{"name": "block", "shape": {"box": {"lower": lower, "upper": [0.2] * dimension}}}],
+            "bodies": {"block": {"shape": {"box": {"lower": lower, "upper": [0.2] * dimension}}}},
             "gauges": {"g": gauge},
         }
     )

@@ -340,7 +340,7 @@ def make_correct(spec: Spec) -> Any:
         old = velocity[i]
         new = velocity_star[i] - gradient * (real(time_weights(clock)[2] * clock[STEP]) / rho)
         if wp.static(spec.walls and spec.free_surface):
-            # a particle of the surface has no pressure that would keep it off an obstacle
+            # a particle of the surface has no pressure that would keep it off a body
             if surface[i] != wp.uint8(INSIDE):
                 new -= off_wall * wp.min(wp.dot(new - wall_speed, off_wall), real(0.0))
         velocity_old[i] = old

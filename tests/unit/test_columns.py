@@ -18,7 +18,7 @@ BLOCK = {
         {"phase": "water", "shape": {"box": {"lower": [0, 0, 0], "upper": [1, 1, 0.5]}}},
         {"phase": "oil", "shape": "rest"},
     ],
-    "obstacles": [{"shape": {"sphere": {"center": [0.5, 0.5, 0.5], "radius": 0.2}}}],
+    "bodies": {"ball": {"shape": {"sphere": {"center": [0.5, 0.5, 0.5], "radius": 0.2}}}},
 }
 FIELDS = ["velocity", "pressure", "volume"]
 WHERE = {
@@ -39,7 +39,7 @@ EXPECTED = {
     ),
     "strays": ("water|oil", {"1"}),
     "wall_force": (
-        "|".join(f"force_{axis}{body}" for body in ("", " domain", " obstacle_1") for axis in "xyz"), {"N"}
+        "|".join(f"force_{axis}{body}" for body in ("", " domain", " ball") for axis in "xyz"), {"N"}
     ),
     "points": (SAMPLED.replace(" ", "|"), {"m", "m/s", "Pa", "m^3"}),
     "line": (SAMPLED.replace(" ", "|"), {"m", "m/s", "Pa", "m^3"}),

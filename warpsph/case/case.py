@@ -39,7 +39,7 @@ from warpsph.case.gauge_models import Gauge
 from warpsph.case.initial import CentralForce, Scales, Start
 from warpsph.case.numerics import ByScheme, NumericsBase, default_numerics
 from warpsph.case.outputs import CheckpointOutput, Output, ParticleOutput
-from warpsph.case.phases import Fluid, Obstacle, Phase, SurfaceTension
+from warpsph.case.phases import Fluid, Phase, SurfaceTension
 from warpsph.case.plain import none_words, reference_holders, rename_files, set_path
 from warpsph.case.references import Reference, ReferenceInterface
 from warpsph.case.reports import in_order, report
@@ -99,9 +99,6 @@ class Case(CaseModel):
     )
     fluids: Annotated[tuple[Fluid, ...], Field(min_length=1), BeforeValidator(as_list)] = Field(
         description="which phase is where", examples=["[{phase: water, shape: rest}]"]
-    )
-    obstacles: Annotated[tuple[Obstacle, ...], BeforeValidator(as_list)] = Field(
-        default=(), description="solid bodies", examples=["[{shape: {sphere: {center: [0, 0], radius: 1}}}]"]
     )
     bodies: Annotated[Mapping[Name, Body], FreezeMapping()] = Field(
         default_factory=FrozenDict,
@@ -174,8 +171,6 @@ class Case(CaseModel):
         if self.central_force is not None:
             fill(self.central_force, "center", zero)
         fill(self.start, "velocity", (compile_expression("0.0"),) * self.dimension)
-        for obstacle in self.obstacles:
-            fill(obstacle, "velocity", zero)
         for reference in self.reference.values():
             if isinstance(reference, ReferenceInterface):
                 fill(reference.interface, "offset", zero)
@@ -188,6 +183,13 @@ class Case(CaseModel):
                     object.__setattr__(side, "velocity", zero)
         fill(self.output, "particles", ParticleOutput(interval=self.end_time / 20))
         fill(self.output, "checkpoint", CheckpointOutput(interval=self.end_time / 10))
+
+    @classmethod
+    def foreign_key(cls, key: str, raw: Any) -> tuple[str, str] | None:
+        """Rule and remedy for a section that the case no longer has."""
+        if key == "obstacles":
+            return "is now called bodies, a mapping of names", "write bodies: {name: {shape: ..., wall: ...}}"
+        return None
 
     # -- making cases ------------------------------------------------------------
 
@@ -317,8 +319,8 @@ class Case(CaseModel):
 
     @property
     def has_walls(self) -> bool:
-        """Whether there are wall particles: a wall at a side, an obstacle or a body."""
-        return bool(self.obstacles or self.bodies) or any(
+        """Whether there are wall particles: a wall at a side, or a body."""
+        return bool(self.bodies) or any(
             "wall" in (axis.lower.kind, axis.upper.kind) for axis in self.sides
         )
 

@@ -47,7 +47,7 @@ def _check_gauge(case: Any, name: Any, gauge: Any) -> Problems:
     if gauge.type == "wall_force":
         if not case.has_walls:
             yield Problem(
-                f"{path}.type", gauge.type, "needs a wall or an obstacle", "delete the gauge or add a wall"
+                f"{path}.type", gauge.type, "needs a wall or a body", "delete the gauge or add a wall"
             )
     elif gauge.type == "contour":
         if case.dimension != 2:

@@ -1,4 +1,4 @@
-"""Checks between fields: phases and their tension, fluids, obstacles, the start."""
+"""Checks between fields: phases and their tension, fluids, bodies, the start."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from warpsph.case.checking import (
 )
 from warpsph.case.domain import AXES
 from warpsph.case.drafts import Problems, guarded
-from warpsph.case.shapes import BODY_SHAPES, SHAPES
+from warpsph.case.shapes import BODY_SHAPES
 from warpsph.case.values import NAME
 from warpsph.errors import MISSING, Problem
 
@@ -74,27 +74,6 @@ def check_fluids(case: Any, _folder: Path | None, _raw: Any) -> Problems:
 
     yield from each(check, enumerate(fluids))
     shapes = ((f"fluids.{position}.shape", fluid) for position, fluid in enumerate(fluids))
-    yield from each(_check_shape, shapes, case)
-
-
-def check_obstacles(case: Any, _folder: Path | None, _raw: Any) -> Problems:
-    names: dict[str, int] = {}
-
-    def check(position: int, obstacle: Any) -> Problems:
-        path = f"obstacles.{position}"
-        yield from guarded(check_length(case.dimension, f"{path}.velocity", obstacle.velocity))
-        if obstacle.name is not None and names.setdefault(obstacle.name, position) != position:
-            yield Problem(
-                f"{path}.name",
-                obstacle.name,
-                f"is the name of obstacle {names[obstacle.name]} already",
-                "choose another",
-            )
-        if obstacle.shape.kind == "rest":
-            yield Problem(f"{path}.shape", "rest", "is for fluids only", f"use one of {', '.join(SHAPES)}")
-
-    yield from each(check, enumerate(case.obstacles))
-    shapes = ((f"obstacles.{position}.shape", obstacle) for position, obstacle in enumerate(case.obstacles))
     yield from each(_check_shape, shapes, case)
 
 

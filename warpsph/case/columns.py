@@ -72,13 +72,10 @@ def column_names(name: str, spec: Any, case: Any) -> list[str]:
 
 def wall_bodies(case: Any) -> list[str]:
     """Names of the solid bodies of a case, as in `wall_force_x <body>`: `domain` if it has walls, then the
-    obstacles.
-
-    An obstacle without a name is called obstacle_1, obstacle_2 ... by its place in the list.
+    bodies.
     """
-    names = [obstacle.name or f"obstacle_{place}" for place, obstacle in enumerate(case.obstacles, 1)]
     at_domain = any("wall" in (axis.lower.kind, axis.upper.kind) for axis in case.sides)
-    return (["domain"] if at_domain else []) + names
+    return [*(["domain"] if at_domain else []), *case.bodies]
 
 
 def column_formula(names: Iterable[str], text: str) -> tuple[Expression, dict[str, str]]:

@@ -131,7 +131,7 @@ class GaugeSet:
             twice = next((column for column in names if names.count(column) > 1), None)
             if twice is not None:
                 rule = f"has two columns called {twice!r}"
-                raise CaseError([Problem(f"gauges.{name}", spec.type, rule, "rename the phase or obstacle")])
+                raise CaseError([Problem(f"gauges.{name}", spec.type, rule, "rename the phase or body")])
             self.gauges[name] = gauge
             self._tables[name] = GaugeFile(columns, None if folder is None else folder / f"{name}.csv")
             self.schedules[name] = schedule_of(spec)

@@ -366,7 +366,7 @@ class Model:
     def wall_forces(self) -> dict[str, float]:
         """Return the force of the fluid on the walls: `wall_force_x <body>` -> N (2-D: per metre of depth).
 
-        The sides of the domain count as one body, `domain`; every obstacle is one of its own.
+        The sides of the domain count as one body, `domain`; every other body is one of its own.
         """
         bodies = self.geometry.body_names
         load = self.sums.body_forces(self.wall_load(), len(bodies))

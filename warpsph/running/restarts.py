@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 REACHED = 1.0e-12  # a time counts as reached within this share of it: the sum of the steps is rounded
 SAME_CASE = "restart with the case of its run"
 # What a checkpoint was made of; a restart may change anything else.
-SCENE = ("dimension", "particle_spacing", "precision", "domain", "fluids", "obstacles")
+SCENE = ("dimension", "particle_spacing", "precision", "domain", "fluids", "bodies")
 
 
 def reached(moment: float, target: float) -> bool:

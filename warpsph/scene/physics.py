@@ -233,7 +233,7 @@ def _dammed_head(case: Case, geometry: Geometry, extent: np.ndarray) -> float:
 
     Along a periodic axis it drives a flow and no pressure, unless a body holds that up: the drop over a period is rho f L.
     """
-    held = [not wraps or bool(case.obstacles or case.bodies) for wraps in case.periodic]
+    held = [not wraps or bool(case.bodies) for wraps in case.periodic]
     return float(np.where(held, np.abs(np.asarray(case.body_force, dtype=float)), 0.0) @ extent)
 
 

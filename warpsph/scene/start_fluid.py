@@ -129,9 +129,9 @@ def hydrostatic_pressure(
     """Pressure at rest in the middle of each cell of a lattice, Pa, summed from the top of each column.
 
     density: of each cell, any number of dimensions, 0 where it is empty, kg/m^3
-    solid: cells of obstacles, of the same shape, or None. They count as filled with what is beside them at
+    solid: cells of bodies, of the same shape, or None. They count as filled with what is beside them at
     the same
-        level, so that the fluid below an obstacle has the pressure of its surroundings.
+        level, so that the fluid below a body has the pressure of its surroundings.
     axis: the columns' axis
     gravity: component along it, m/s^2; down is the way it points
     spacing: cell size along it, m

@@ -1,4 +1,4 @@
-"""Wall particles: the layers behind the sides of the domain, the obstacles, and the bodies."""
+"""Wall particles: the layers behind the sides of the domain, and the boundary particles of bodies."""
 
 from __future__ import annotations
 
@@ -8,11 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from warpsph.case.domain import AXES
-from warpsph.errors import ExpressionError, Problem
+from warpsph.errors import Problem
 from warpsph.scene.body_surfaces import Solid, make_solids
-from warpsph.scene.fluid_regions import expression_problem
 from warpsph.scene.lattice import Lattice, points_of
-from warpsph.scene.masks import inside
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -58,9 +56,9 @@ def surroundings_of_sides(position: NDArray[np.float64], lattice: Lattice) -> Su
 
 
 class WallCells:
-    """The wall particles of a case: first the sides of the domain, then the obstacles, then the bodies.
+    """The wall particles of a case: first the sides of the domain, then the bodies.
 
-    solid: which cells of the lattice sides and obstacles take
+    solid: which cells of the lattice the sides take
     position, velocity: (n, d), m and m/s
     slip: (n,) uint8, 1 on free-slip walls
     body: (n,) int32, number of the wall body, from 1
@@ -82,10 +80,6 @@ class WallCells:
     @property
     def count(self) -> int:
         return len(self.body)
-
-    def solid_in_domain(self) -> NDArray[np.bool_] | None:
-        """Which cells of the domain obstacles take; None if there are none."""
-        return self.solid[self.lattice.domain] if self.case.obstacles else None
 
     def add_sides(self) -> None:
         """Fill the layers beyond those sides of the domain that are walls.
@@ -138,36 +132,6 @@ class WallCells:
         deepest = np.argmax(2 * behind + no_slip, axis=1)  # among equals a no-slip wall, then the first axis
         body = np.choose(deepest, [bodies[k][cells[k]] for k in range(d)])
         self._append(cells, velocity, ~any_no_slip, body)
-
-    def add_obstacles(self, problems: list[Problem]) -> None:
-        """Make the cells inside obstacles solid; where two overlap, the first has them.
-
-        An obstacle may stick out of an open side as far as the layers reach.
-        """
-        lattice = self.lattice
-        axes = lattice.axes() if self.case.obstacles else []
-        for k, obstacle in enumerate(self.case.obstacles):
-            path = f"obstacles.{k}.shape"
-            try:
-                mask = inside(obstacle.shape, axes, self.case.spacing)
-            except (ExpressionError, ValueError) as error:
-                problems.append(expression_problem(path, obstacle.shape, error))
-                continue
-            mask &= ~self.solid
-            self.names.append(obstacle.name or f"obstacle_{k + 1}")
-            if not mask.any():
-                rule = (
-                    "holds no particle of its own: it is outside the domain, thinner than particle_spacing "
-                    f"({self.case.spacing:g} m) or inside another obstacle"
-                )
-                problems.append(Problem(path, obstacle.shape.kind, rule, "move or enlarge it, or delete it"))
-                continue
-            self.solid |= mask
-            cells = np.nonzero(mask)
-            n = len(cells[0])
-            velocity = np.broadcast_to(obstacle.velocity or 0.0, (n, lattice.dimension))
-            free = np.full(n, obstacle.wall == "free_slip")
-            self._append(cells, velocity, free, np.full(n, len(self.names)))
 
     def add_bodies(self, support: float, problems: list[Problem]) -> None:
         """Add the boundary particles of the bodies; which cells they take is for `block` to say.

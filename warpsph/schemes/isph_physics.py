@@ -109,7 +109,6 @@ def derive(case: Case, geometry: Geometry, row_list: bool) -> Physics:
     support = h * KERNELS[numerics.kernel].support
     viscous = phase.viscosity > 0
     scales, _ = flow_scales(case, geometry, np.zeros((1, 1)), filled)
-    obstacles = geometry.wall_count > 0
     viscosity = str(form) if viscous else "none"
     cap: dict[str, float] = {}
     force = float(np.linalg.norm(gravity + body))
@@ -135,7 +134,7 @@ def derive(case: Case, geometry: Geometry, row_list: bool) -> Physics:
         precision=case.precision,
         kernel=numerics.kernel,
         periodic=tuple(case.periodic),
-        walls=obstacles,
+        walls=geometry.wall_count > 0,
         bodies=bool(case.bodies),
         wall_no_slip=viscous and bool((geometry.wall_slip[geometry.kind == 1] == 0).any()),
         viscosity=viscosity,

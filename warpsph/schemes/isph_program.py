@@ -87,7 +87,7 @@ def look(spec: Spec) -> list[Stage]:
     """Return the stages that look at the new arrangement."""
     stages = []
     if spec.wall_no_slip and spec.walls:
-        stages.append(Stage("wall_state", make_wall(spec), "wall", "mirrored velocity of the obstacles"))
+        stages.append(Stage("wall_state", make_wall(spec), "wall", "mirrored velocity of the bodies"))
     stages.append(Stage("predict", make_predict(spec), "fluid", "velocity without pressure; correction of the gradient"))
     if spec.free_surface:
         find, drop = make_surface(spec)
@@ -149,7 +149,7 @@ def absent(spec: Spec) -> list[Absent]:
     if not spec.mirror:
         rows.append(Absent("mirror images", "no side of the domain is a wall"))
     if not spec.walls:
-        rows.append(Absent("wall_state", "no obstacles"))
+        rows.append(Absent("wall_state", "no bodies"))
     if spec.viscosity == "none":
         rows.append(Absent("viscous term", "viscosity is zero"))
     elif not spec.implicit_viscosity:
