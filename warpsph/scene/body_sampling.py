@@ -13,8 +13,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from warpsph.scene.rings import Rows, ball_rings, outline_rings
+from warpsph.scene.sheets import SheetRows, beside_sheets, sheet_rows
 from warpsph.scene.shells import ball_shells, brick_shells, relaxed_shells
 from warpsph.scene.surfaces import Ball, Brick, Hollow, Outline, Surface
+from warpsph.scene.tails import Tail, find_tails
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -38,7 +40,10 @@ class Sampling:
     area: (n,), length (2-D) or area (3-D) of surface that a particle of the first layer stands for, m^(d-1); 0 below it
     volume: (n,), m^d
     layer: (n,), 0 at the surface
-    leader: (n,), index of the particle of the first layer nearest to the foot
+    leader: (n,), index of the particle of the first layer nearest to the foot; never one past the edge of a tail
+    sheet: (n,), 0, or for particles of a thin tail the side through which alone they are seen, 1 or -1 (`tails.py`); they
+        overlap the other side and the fluid there, and their volumes are those of a thick body
+    edge, along: (n, d), the frame of lines of sight of particles of tails (`kernels/core/visibility.py`), m and 1; else 0
     """
 
     position: NDArray[np.float64]
@@ -49,6 +54,9 @@ class Sampling:
     volume: NDArray[np.float64]
     layer: NDArray[np.intp]
     leader: NDArray[np.intp]
+    sheet: NDArray[np.int8]
+    edge: NDArray[np.float64]
+    along: NDArray[np.float64]
 
     @property
     def count(self) -> int:
@@ -92,8 +100,17 @@ def sample(
     rows = layers_of(surface, spacing, layers)
     low = np.full(surface.dimension, -np.inf) if lower is None else np.asarray(lower, dtype=np.float64)
     high = np.full(surface.dimension, np.inf) if upper is None else np.asarray(upper, dtype=np.float64)
-    kept = np.all((rows.position > low) & (rows.position < high), axis=1)
-    return described(surface, Rows(rows.position[kept], rows.volume[kept], rows.layer[kept]), spacing, low, high)
+    tails = find_tails(surface, spacing, layers * spacing) if isinstance(surface, Outline) else []
+    if tails:
+        thin = beside_sheets(tails, surface.closest(rows.position)[0], spacing)
+        rows = Rows(rows.position[~thin], rows.volume[~thin], rows.layer[~thin])
+    found = [_of_layers(surface, rows)]
+    for tail in tails:
+        found += [_of_sheet(sheet_rows(tail, sheet, rows, spacing, layers), sheet.side) for sheet in tail.sheets]
+    joined = _joined(found)
+    kept = np.all((joined.position > low) & (joined.position < high), axis=1)
+    joined = joined.only(kept)
+    return replace(joined, area=_areas(surface, joined, tails, spacing, low, high))
 
 
 def layers_of(surface: Surface, spacing: float, layers: int) -> Rows:
@@ -110,32 +127,93 @@ def layers_of(surface: Surface, spacing: float, layers: int) -> Rows:
     return relaxed_shells(surface, spacing, layers)
 
 
-def described(
-    surface: Surface, rows: Rows, spacing: float, low: NDArray[np.float64], high: NDArray[np.float64]
-) -> Sampling:
-    """Particles with their feet, normals, shares of the surface between two corners, and leaders."""
+def _of_layers(surface: Surface, rows: Rows) -> Sampling:
+    """The particles of layers, without areas."""
     from scipy.spatial import cKDTree
 
     foot, normal = surface.closest(rows.position)
-    n = len(rows.position)
+    n, d = rows.position.shape
     first = np.flatnonzero(rows.layer == 0)
-    area = np.zeros(n)
     leader = np.zeros(n, dtype=np.intp)
     if len(first):
-        tree = cKDTree(rows.position[first])
-        middle, _, size = surface.patches(spacing / _PATCHES[surface.dimension])
-        held = np.all((middle >= low) & (middle <= high), axis=1)
-        owner = first[tree.query(middle[held])[1]]
-        area[:] = np.bincount(owner, size[held], minlength=n)
-        leader = first[tree.query(foot)[1]]
+        leader = first[cKDTree(rows.position[first]).query(foot)[1]]
         leader[first] = first
     return Sampling(
         position=rows.position,
         foot=foot,
         normal=normal,
         depth=np.linalg.norm(rows.position - foot, axis=1),
-        area=area,
+        area=np.zeros(n),
         volume=rows.volume,
         layer=rows.layer,
         leader=leader,
+        sheet=np.zeros(n, dtype=np.int8),
+        edge=np.zeros((n, d)),
+        along=np.zeros((n, d)),
     )
+
+
+def _of_sheet(rows: SheetRows, side: int) -> Sampling:
+    """The particles of a sheet, without areas."""
+    from scipy.spatial import cKDTree
+
+    n = len(rows.position)
+    first = np.flatnonzero(rows.real & (rows.layer == 0))
+    return Sampling(
+        position=rows.position,
+        foot=rows.foot,
+        normal=rows.normal,
+        depth=np.linalg.norm(rows.position - rows.foot, axis=1),
+        area=np.zeros(n),
+        volume=rows.volume,
+        layer=rows.layer,
+        leader=first[cKDTree(rows.position[first]).query(rows.foot)[1]],
+        sheet=np.full(n, side, dtype=np.int8),
+        edge=rows.edge,
+        along=rows.along,
+    )
+
+
+def _joined(parts: list[Sampling]) -> Sampling:
+    """Several samplings as one."""
+    columns = {}
+    start = np.cumsum([0, *(part.count for part in parts)])
+    for name in Sampling.__dataclass_fields__:
+        values = [getattr(part, name) for part in parts]
+        if name == "leader":
+            values = [value + first for value, first in zip(values, start[:-1], strict=True)]
+        columns[name] = np.concatenate(values)
+    return Sampling(**columns)
+
+
+def _areas(
+    surface: Surface,
+    sampling: Sampling,
+    tails: list[Tail],
+    spacing: float,
+    low: NDArray[np.float64],
+    high: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """The surface between two corners shared among the particles of the first layer, each piece to the nearest one.
+
+    Where the body is thin that of its own sheet is meant: the side of a tail is left to the particles of that side.
+    """
+    from scipy.spatial import cKDTree
+
+    area = np.zeros(sampling.count)
+    middle, normal, size = surface.patches(spacing / _PATCHES[surface.dimension])
+    held = np.all((middle >= low) & (middle <= high), axis=1)
+    middle, normal, size = middle[held], normal[held], size[held]
+    leads = sampling.leader == np.arange(sampling.count)
+    side = np.zeros(len(middle), dtype=np.int8)
+    for tail in tails:
+        near = np.flatnonzero(beside_sheets([tail], middle, spacing))
+        across = np.array([-tail.along[1], tail.along[0]])
+        side[near] = np.where(normal[near] @ across > 0.0, 1, -1)
+    for own in (-1, 0, 1):
+        first = np.flatnonzero(leads & (sampling.sheet == own))
+        pieces = side == own
+        if len(first) and pieces.any():
+            owner = first[cKDTree(sampling.position[first]).query(middle[pieces])[1]]
+            area += np.bincount(owner, size[pieces], minlength=sampling.count)
+    return area

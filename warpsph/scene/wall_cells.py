@@ -169,12 +169,12 @@ class WallCells:
             free = np.full(n, obstacle.wall == "free_slip")
             self._append(cells, velocity, free, np.full(n, len(self.names)))
 
-    def add_bodies(self, support: float, problems: list[Problem]) -> None:
-        """Add the boundary particles of the bodies; which cells they take is for `block` to say.
+    def add_bodies(self, support: float, problems: list[Problem], warnings: list[str]) -> None:
+        """Add the boundary particles of the bodies; `covered` says which cells they take.
 
         support: reach of the smoothing kernel, m; the layers are as deep.
         """
-        self.solids = make_solids(self.case, self.lattice, support, problems)
+        self.solids = make_solids(self.case, self.lattice, support, problems, warnings)
         for solid, (name, body) in zip(self.solids, self.case.bodies.items(), strict=False):
             self.names.append(name)
             n = solid.sampling.count
