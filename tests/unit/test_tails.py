@@ -129,7 +129,7 @@ def test_wherever_one_looks_at_a_wedge_there_is_one_thing(sight):
     body = wedge(10)
     (tail,) = find_tails(body, DX, REACH)
     random = np.random.default_rng(2)
-    x, y = random.uniform((-0.1, -0.1), (0.1, 0.1), (2, 4000, 2))
+    x, y = random.uniform((-0.1, -0.1), (0.1, 0.1), (2, 12000, 2))
     kept = (body.signed_distance(x) > 0.5 * DX) & (np.linalg.norm(x - y, axis=1) < REACH)
     x, y = x[kept], y[kept]
     hidden, side = sight(x, y, tail.edge[None], tail.along[None])
@@ -152,7 +152,7 @@ def test_a_wedge_has_two_sheets_of_full_depth(degrees):
         assert found.normal[own] == pytest.approx(np.tile(normal, (own.sum(), 1)), abs=1e-9)
         assert found.depth[own] == pytest.approx((found.layer[own] + 0.5) * DX)
         for m in range(LAYERS):
-            row = np.sort((found.position - 0.0)[own & (found.layer == m)] @ np.array([math.cos(half), -side * math.sin(half)]))
+            row = np.sort(found.position[own & (found.layer == m)] @ np.array([math.cos(half), -side * math.sin(half)]))
             assert np.diff(row) == pytest.approx(DX, rel=0.05)
             assert row[-1] > REACH - DX  # past the edge
     assert (found.area > 0).sum() == (found.leader == np.arange(found.count)).sum()
