@@ -69,14 +69,12 @@ def sight():
 
 def seen(sight, x, fluid, sampling):
     """Which fluid particles and which boundary particles a fluid particle at x sees."""
-    leads = np.flatnonzero((sampling.sheet != 0) & (sampling.leader == np.arange(sampling.count)))
     fluid_seen = np.ones(len(fluid), dtype=bool)
-    if len(leads):
-        distance, nearest = cKDTree(sampling.position[leads]).query(x)
+    if sampling.frames.count:
+        distance, frame = cKDTree(sampling.frames.point).query(x)
         if distance < REACH + DX:
-            frame = leads[nearest]
-            fluid_seen = ~sight(x[None], fluid, sampling.edge[frame][None], sampling.along[frame][None])[0]
-    _, side = sight(x[None], sampling.position, sampling.edge, sampling.along)
+            fluid_seen = ~sight(x[None], fluid, sampling.frames.edge[frame][None], sampling.frames.along[frame][None])[0]
+    _, side = sight(x[None], sampling.position, sampling.frames.edge[sampling.frame], sampling.frames.along[sampling.frame])
     return fluid_seen, (sampling.sheet == 0) | (sampling.sheet == side)
 
 
@@ -179,7 +177,8 @@ def test_pressure_of_one_side_of_a_wedge_goes_on_and_the_other_is_not_seen(sight
         # just off the foot, so that the point is on its own side of the tail at the very edge as well
         place = found.foot[at] + 0.1 * DX * found.normal[at]
         near = np.flatnonzero(np.linalg.norm(fluid - place, axis=1) < REACH)
-        hidden, _ = sight(place[None], fluid[near], found.edge[at][None], found.along[at][None])
+        frame = found.frame[at]
+        hidden, _ = sight(place[None], fluid[near], found.frames.edge[frame][None], found.frames.along[frame][None])
         wrong += hidden.sum()
         near = near[~hidden]
         w = weight(np.linalg.norm(fluid[near] - place, axis=1))

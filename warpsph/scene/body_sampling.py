@@ -7,13 +7,13 @@ faces lie between cells of the lattice gets the cells of the lattice.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, fields, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from warpsph.scene.rings import Rows, ball_rings, outline_rings
-from warpsph.scene.sheets import SheetRows, beside_sheets, sheet_rows
+from warpsph.scene.sheets import Frames, SheetRows, beside_sheets, frames_of, sheet_rows
 from warpsph.scene.shells import ball_shells, brick_shells, relaxed_shells
 from warpsph.scene.surfaces import Ball, Brick, Hollow, Outline, Surface
 from warpsph.scene.tails import Tail, find_tails
@@ -43,7 +43,8 @@ class Sampling:
     leader: (n,), index of the particle of the first layer nearest to the foot; never one past the edge of a tail
     sheet: (n,), 0, or for particles of a thin tail the side through which alone they are seen, 1 or -1 (`tails.py`); they
         overlap the other side and the fluid there, and their volumes are those of a thick body
-    edge, along: (n, d), the frame of lines of sight of particles of tails (`kernels/core/visibility.py`), m and 1; else 0
+    frame: (n,), which of `frames` the lines of sight to a particle of a tail are judged by, -1 for others
+    frames: of the tails
     """
 
     position: NDArray[np.float64]
@@ -55,8 +56,8 @@ class Sampling:
     layer: NDArray[np.intp]
     leader: NDArray[np.intp]
     sheet: NDArray[np.int8]
-    edge: NDArray[np.float64]
-    along: NDArray[np.float64]
+    frame: NDArray[np.intp]
+    frames: Frames
 
     @property
     def count(self) -> int:
@@ -78,8 +79,12 @@ class Sampling:
         lost = kept & ~kept[leader]
         if lost.any():
             leader[lost] = first[cKDTree(self.position[first]).query(self.foot[lost])[1]]
-        columns = {name: getattr(self, name)[kept] for name in self.__dataclass_fields__ if name != "leader"}
+        columns = {name: getattr(self, name)[kept] for name in _COLUMNS if name != "leader"}
         return replace(self, leader=new_row[leader[kept]], **columns)
+
+
+_COLUMNS = tuple(field.name for field in fields(Sampling) if field.name != "frames")
+"""What a sampling has of each particle."""
 
 
 def sample(
@@ -104,10 +109,11 @@ def sample(
     if tails:
         thin = beside_sheets(tails, surface.closest(rows.position)[0], spacing)
         rows = Rows(rows.position[~thin], rows.volume[~thin], rows.layer[~thin])
+    frames = Frames.joined([frames_of(tail, spacing, layers * spacing) for tail in tails], surface.dimension)
     found = [_of_layers(surface, rows)]
     for tail in tails:
-        found += [_of_sheet(sheet_rows(tail, sheet, rows, spacing, layers), sheet.side) for sheet in tail.sheets]
-    joined = _joined(found)
+        found += [_of_sheet(sheet_rows(tail, sheet, rows, spacing, layers), sheet.side, frames) for sheet in tail.sheets]
+    joined = replace(_joined(found), frames=frames)
     kept = np.all((joined.position > low) & (joined.position < high), axis=1)
     joined = joined.only(kept)
     return replace(joined, area=_areas(surface, joined, tails, spacing, low, high))
@@ -148,13 +154,13 @@ def _of_layers(surface: Surface, rows: Rows) -> Sampling:
         layer=rows.layer,
         leader=leader,
         sheet=np.zeros(n, dtype=np.int8),
-        edge=np.zeros((n, d)),
-        along=np.zeros((n, d)),
+        frame=np.full(n, -1, dtype=np.intp),
+        frames=Frames.joined([], d),
     )
 
 
-def _of_sheet(rows: SheetRows, side: int) -> Sampling:
-    """The particles of a sheet, without areas."""
+def _of_sheet(rows: SheetRows, side: int, frames: Frames) -> Sampling:
+    """The particles of a sheet, without areas; the frames are those of all tails."""
     from scipy.spatial import cKDTree
 
     n = len(rows.position)
@@ -169,21 +175,21 @@ def _of_sheet(rows: SheetRows, side: int) -> Sampling:
         layer=rows.layer,
         leader=first[cKDTree(rows.position[first]).query(rows.foot)[1]],
         sheet=np.full(n, side, dtype=np.int8),
-        edge=rows.edge,
-        along=rows.along,
+        frame=cKDTree(frames.point).query(rows.foot)[1],
+        frames=Frames.joined([], 2),
     )
 
 
 def _joined(parts: list[Sampling]) -> Sampling:
-    """Several samplings as one."""
-    columns = {}
+    """Several samplings as one, without their frames."""
+    columns: dict[str, Any] = {}
     start = np.cumsum([0, *(part.count for part in parts)])
-    for name in Sampling.__dataclass_fields__:
+    for name in _COLUMNS:
         values = [getattr(part, name) for part in parts]
         if name == "leader":
             values = [value + first for value, first in zip(values, start[:-1], strict=True)]
         columns[name] = np.concatenate(values)
-    return Sampling(**columns)
+    return Sampling(frames=parts[0].frames, **columns)
 
 
 def _areas(

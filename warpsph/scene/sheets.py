@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
     from warpsph.scene.tails import Sheet, Tail
 
-__all__ = ["SheetRows", "beside_sheets", "sheet_rows"]
+__all__ = ["Frames", "SheetRows", "beside_sheets", "frames_of", "sheet_rows"]
 
 _STRAIGHT = 1.5
 """Distance from an edge, in reaches of the kernel, within which lines of sight may pass it; farther away a frame of its
@@ -25,12 +25,36 @@ _FAR = 4.0
 
 
 @dataclass(frozen=True)
+class Frames:
+    """Frames of lines of sight at tails, f of them in d dimensions; lengths in m.
+
+    point: (f, d), along the middle of the tails, about a spacing apart: who is nearest to one is judged by it
+    edge, along: (f, d), see `warpsph/scene/tails.py`; far from the edge one that no line of sight passes
+    """
+
+    point: NDArray[np.float64]
+    edge: NDArray[np.float64]
+    along: NDArray[np.float64]
+
+    @property
+    def count(self) -> int:
+        """Number of frames."""
+        return len(self.point)
+
+    @classmethod
+    def joined(cls, parts: list[Frames], dimension: int) -> Frames:
+        """Several as one."""
+        columns = [np.concatenate([np.empty((0, dimension)), *(getattr(part, name) for part in parts)])
+                   for name in ("point", "edge", "along")]  # fmt: skip
+        return cls(*columns)
+
+
+@dataclass(frozen=True)
 class SheetRows:
     """The n particles of one sheet; lengths in m.
 
     position, foot, normal: (n, 2)
     volume, layer: (n,)
-    edge, along: (n, 2), the frame by which lines of sight are judged
     real: (n,), whether the foot is on the surface; past the edge it is on its continuation
     """
 
@@ -39,8 +63,6 @@ class SheetRows:
     normal: NDArray[np.float64]
     volume: NDArray[np.float64]
     layer: NDArray[np.intp]
-    edge: NDArray[np.float64]
-    along: NDArray[np.float64]
     real: NDArray[np.bool_]
 
 
@@ -64,7 +86,6 @@ def sheet_rows(tail: Tail, sheet: Sheet, others: Rows, spacing: float, layers: i
 
     others: the particles of the layers of the body, without those in tails
     """
-    reach = layers * spacing
     parts = []
     for m in range(layers):
         depth = (m + 0.5) * spacing
@@ -77,9 +98,8 @@ def sheet_rows(tail: Tail, sheet: Sheet, others: Rows, spacing: float, layers: i
         position = np.concatenate([inner[0], outer])
         normal = np.concatenate([inner[1], np.broadcast_to(sheet.normal[0], outer.shape)])
         volume = np.concatenate([np.full(len(at), step), np.full(len(outer), spacing)]) * spacing
-        edge, along = _frames(tail, sheet, position + depth * normal, at, len(outer), reach)
         real = np.arange(len(position)) < len(at)
-        parts.append((position, position + depth * normal, normal, volume, np.full(len(position), m), edge, along, real))
+        parts.append((position, position + depth * normal, normal, volume, np.full(len(position), m), real))
     return SheetRows(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
 
@@ -114,24 +134,25 @@ def _past_edge(
     return points[sheet.side * ((points - tail.edge) @ across) < 0.0]
 
 
-def _frames(
-    tail: Tail, sheet: Sheet, foot: NDArray[np.float64], at: NDArray[np.float64], past: int, reach: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """The edge and the direction past it by which each particle of a row is seen: those of the tail near its edge.
+def frames_of(tail: Tail, spacing: float, reach: float) -> Frames:
+    """The frames of a tail: that of its edge as far as lines of sight may pass it, then ones along the middle of the body.
 
-    foot: (n + past, 2), the last ones past the edge
-    at: (n,), distance of the others from the edge along the row, m
+    reach: of the smoothing kernel, m
     """
     from scipy.spatial import cKDTree
 
-    edge = np.tile(tail.edge, (len(foot), 1))
-    along = np.tile(tail.along, (len(foot), 1))
-    far = np.concatenate([at > _STRAIGHT * reach, np.zeros(past, dtype=np.bool_)])
-    if far.any():
-        opposite = next(other for other in tail.sheets if other is not sheet)
-        across_from = opposite.point[cKDTree(opposite.point).query(foot[far])[1]]
-        across = sheet.side * (foot[far] - across_from)
-        across /= np.linalg.norm(across, axis=1)[:, None]
-        along[far] = np.stack([across[:, 1], -across[:, 0]], axis=1)
-        edge[far] = 0.5 * (foot[far] + across_from) + _FAR * reach * along[far]
-    return edge, along
+    one, other = sorted(tail.sheets, key=lambda sheet: -sheet.arc[-1])
+    near = np.arange(0.0, min(_STRAIGHT * reach, one.arc[-1]) + 1e-9, spacing)
+    points = tail.edge - near[:, None] * tail.along
+    at = np.arange(_STRAIGHT * reach, one.arc[-1], spacing)
+    foot = np.stack([np.interp(at, one.arc, one.point[:, k]) for k in range(2)], axis=1)
+    opposite = other.point[cKDTree(other.point).query(foot)[1]] if len(at) else foot
+    across = one.side * (foot - opposite)
+    across = across / np.maximum(np.linalg.norm(across, axis=1), 1e-300)[:, None]
+    along = np.stack([across[:, 1], -across[:, 0]], axis=1)
+    middle = 0.5 * (foot + opposite)
+    return Frames(
+        point=np.concatenate([points, middle]),
+        edge=np.concatenate([np.tile(tail.edge, (len(points), 1)), middle + _FAR * reach * along]),
+        along=np.concatenate([np.tile(tail.along, (len(points), 1)), along]),
+    )
