@@ -98,8 +98,9 @@ def test_feet_normals_and_leaders(name):
     assert found.position + found.depth[:, None] * found.normal == pytest.approx(found.foot, abs=1e-9)
     assert (found.depth > 0).all()
     first = found.layer == 0
-    assert set(found.leader) <= set(np.flatnonzero(first))
-    assert np.array_equal(found.leader[first], np.flatnonzero(first))
+    leads = np.flatnonzero(found.area > 0)
+    assert set(found.leader) == set(leads) <= set(np.flatnonzero(first))
+    assert np.array_equal(found.leader[leads], leads)
     apart = np.linalg.norm(found.position[found.leader] - found.foot, axis=1)
     assert apart.max() < 2.0 * DX
     assert (found.area[~first] == 0).all()
@@ -173,6 +174,15 @@ def test_a_mesh_that_its_layers_fill_has_its_volume():
     cube = Mesh(pv.Cube(x_length=0.6, y_length=0.5, z_length=0.4).triangulate())
     found = sample(cube, 0.1, 9)
     assert found.volume.sum() == pytest.approx(0.12, rel=1e-6)
+
+
+def test_a_particle_in_the_corner_of_a_tank_is_led_by_one_at_its_sides():
+    """No part of the surface is nearest to it, so that nothing is fitted before it."""
+    found = sample(Hollow(box_surface((0, 0), (0.5, 0.4))), 0.1, 2)
+    corner = np.flatnonzero((found.layer == 0) & (found.area == 0))
+    assert len(corner) == 4
+    assert (found.area[found.leader] > 0).all()
+    assert np.linalg.norm(found.foot[found.leader[corner]] - found.foot[corner], axis=1) == pytest.approx(0.05)
 
 
 def test_only_what_is_between_the_corners_is_kept():
