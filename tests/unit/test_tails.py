@@ -7,10 +7,15 @@ import pytest
 import warp as wp
 from scipy.spatial import cKDTree
 
+from warpsph.case.case import Case
 from warpsph.kernels.core.smoothing import KERNELS
 from warpsph.kernels.core.visibility import make_sight
+from warpsph.running import model as model_module
+from warpsph.running.model import Model
 from warpsph.scene.airfoils import airfoil, naca_4
 from warpsph.scene.body_sampling import sample
+from warpsph.scene.geometry import build
+from warpsph.scene.physics import derive
 from warpsph.scene.surfaces import Ball, Hollow, Outline, box_surface
 from warpsph.scene.tails import find_tails
 from warpsph.scene.thinness import thin_places
@@ -187,6 +192,41 @@ def test_pressure_of_one_side_of_a_wedge_goes_on_and_the_other_is_not_seen(sight
         value = fit[0] + fit[1:] @ (found.position[j] - place)
         assert value == pytest.approx(pressure(found.position[[j]], found.sheet[j])[0], abs=1e-9)
     assert wrong > 100  # without lines of sight they would have taken part
+
+
+@pytest.mark.parametrize("rows_of_cpu", [True, False])
+def test_neighbour_lists_leave_out_what_a_plate_hides(device, rows_of_cpu, monkeypatch):
+    """On the device: sums over the lists are those of a full lattice, and each pair is listed from both ends."""
+    monkeypatch.setattr(model_module, "derive", lambda case, geometry, row_list: derive(case, geometry, rows_of_cpu))
+    case = Case.from_dict(
+        {
+            "dimension": 2,
+            "particle_spacing": DX,
+            "end_time": 1.0,
+            "domain": {"lower": [-0.3, -0.2], "upper": [0.3, 0.2], "boundary": {"x": "periodic", "y": "periodic"}},
+            "phases": {"water": {"density": 1000, "viscosity": 1}},
+            "fluids": [{"phase": "water", "shape": "rest"}],
+            "bodies": {"plate": {"shape": {"box": {"lower": [-0.2, -0.02], "upper": [0.2, 0.0]}}}},
+        }
+    )
+    model = Model(case, device, geometry=build(case, REACH))  # without the small displacements that a run begins with
+    assert model.physics.spec.tails and model.geometry.arrangement == "lattice"
+    model.stepper.prepare(fresh=True)
+    particles, n = model.particles, model.geometry.fluid_count
+    position = particles.get("position").astype(float)
+    fluid, wall = (particles.get(f"{kind}_neighbours").astype(int) for kind in ("fluid", "wall"))
+    entries, width = model.stepper.list.neighbours.numpy(), model.stepper.list.width
+    rows = entries.reshape(-1, width) if model.stepper.list.spec.row_list else entries.reshape(width, -1).T
+    listed = [set(rows[i, : fluid[i] + (wall[i] if i < n else 0)].tolist()) for i in range(len(rows))]
+    assert all(i in listed[j] for i in range(n) for j in listed[i])
+    volume = DX**2
+    sums = np.full(n, weight(0.0)) * volume
+    for i in range(n):
+        d = position[list(listed[i])] - position[i]
+        d -= [0.6, 0.4] * np.round(d / [0.6, 0.4])
+        sums[i] += weight(np.linalg.norm(d, axis=1)).sum() * volume
+    whole = weight(np.linalg.norm(lattice((-0.2, -0.2), (0.2, 0.2)) - DX / 2, axis=1)).sum() * volume
+    assert sums == pytest.approx(whole, abs=2e-5)
 
 
 @pytest.mark.parametrize(

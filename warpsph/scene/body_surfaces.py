@@ -36,9 +36,11 @@ OFF_LATTICE = 0.02
 class Solid:
     """A body in a lattice.
 
-    surface: in place sampling: its boundary particles distance: of the middle of each cell of the lattice from the
-    surface, m, negative in the body; exact where it is less than
-        two spacings
+    surface: in place
+    sampling: its boundary particles
+    filling: (m, d), particles that fill its layers once, m: fluid is arranged beside them
+    distance: of the middle of each cell of the lattice from the surface, m, negative in the body; infinite two spacings and
+        more beyond the box around the shape
     """
 
     surface: Surface
