@@ -43,6 +43,11 @@ def bodies(spec: Spec) -> bool:
     return spec.bodies
 
 
+def tails(spec: Spec) -> bool:
+    """Runs with bodies that have thin tails."""
+    return spec.tails
+
+
 def shifting(spec: Spec) -> bool:
     """Runs that shift particles."""
     return spec.shifting
@@ -116,6 +121,9 @@ FLOW: tuple[Field, ...] = (
     Field("wall_area", "real", "wall", True, bodies, "m^(d-1)", "of the surface before a particle of the first layer"),
     Field("boundary_volume", "real", "wall", True, bodies, "m^d", "volume of a wall particle"),
     Field("leader", "int32", "wall", True, bodies, "-", "number among the walls of the first-layer particle at the foot"),
+    Field("sheet", "int8", "wall", True, tails, "-", "side of a thin tail through which a wall particle is seen; 0: any"),
+    Field("frame", "int16", "wall", True, tails, "-", "number of the frame of lines of sight to it, -1: none"),
+    Field("frame_near", "int16", "fluid", False, tails, "-", "number of the frame of lines of sight nearby, -1: none"),
     Field("row_of_wall", "int32", "wall", False, bodies, "-", "present row, among the walls, of each by its number"),
     Field("surface_pressure", "real", "wall", False, bodies, "Pa", "of the fluid at the foot, for the first layer"),
     Field("surface_gradient", "vec", "wall", False, bodies, "Pa/m", "of the pressure there"),

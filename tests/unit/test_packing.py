@@ -152,7 +152,7 @@ def test_interface_across_a_period_and_at_a_body():
     at_block = np.minimum(np.abs(x - 3), np.abs(x - 6)) < 1e-4
     at_block |= np.minimum(np.abs(y - 19), np.abs(y - 24)) < 1e-4
     assert (flat | upright | at_block).all()
-    assert not ((x > 3 + 1e-4) & (x < 6 - 1e-4) & (y > 19 + 1e-4) & (y < 24)).any()
+    assert not ((x > 3 + 1e-4) & (x < 6 - 1e-4) & (y > 19 + 1e-4) & (y < 24 - 1e-4)).any()
     around = np.sort(x[flat & (y < 12)])
     around = np.concatenate([around[around > 15], around[around < 15] + 30])
     assert np.diff(around).max() < 0.3, "four points a spacing, across the side too"

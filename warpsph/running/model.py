@@ -139,6 +139,9 @@ class Model:
         particles.put("wall_area", surface.area)
         particles.put("boundary_volume", surface.volume)
         particles.put("leader", surface.leader)
+        if self.physics.spec.tails:
+            particles.put("sheet", surface.sheet)
+            particles.put("frame", surface.frame)
 
     def _make_stepper(self) -> Stepper:
         """Return the step loop: one clock, and one level of a uniform resolution."""
@@ -165,10 +168,21 @@ class Model:
             "first_wall_id": self.geometry.fluid_count,
             # with an open side fluid may come to lie beyond a wall over its rim, else nowhere
             "wall_thickness": real(physics.support if case.has_open_sides else 1.0e30),
+            **self._frames(),
             **self._solid_cells(),
             "contact_angles": wp.array(contact_matrix(case).ravel(), dtype=real, device=self.device),
             **own,
         }
+
+    def _frames(self) -> dict[str, Any]:
+        """Return the frames of lines of sight at thin tails of bodies, by kernel argument name; see `visibility`."""
+        surface = self.geometry.surface
+        if surface is None or not self.physics.spec.tails:
+            return {}
+        vec, frames = types_of(self.physics.spec).vec, surface.frames
+        across = np.stack([-frames.along[:, 1], frames.along[:, 0]], axis=1)
+        columns = {"point": frames.point, "edge": frames.edge, "along": frames.along, "across": across}
+        return {f"frame_{name}": wp.array(column, dtype=vec, device=self.device) for name, column in columns.items()}
 
     def _params(self) -> Any:
         """Return `Params` with the members that follow from case and kernel; the scheme sets its own."""

@@ -168,7 +168,7 @@ class EntryAt:
             near = np.all((points >= body.bounds[0]) & (points <= body.bounds[1]), axis=1)
             if body.hollow:
                 entry[~near] = VOID
-            entry[near] = np.where(body.signed_distance(points[near]) < 0.0, VOID, entry[near])
+            entry[near] = np.where(body.inside(points[near]), VOID, entry[near])
         return entry
 
 

@@ -123,7 +123,7 @@ def build(case: Case, support: float, unlock: float = 0.0, arrange: Arrange | No
     walls = WallCells(case, lattice)
     if not case.scheme.mirrors_sides:
         walls.add_sides()
-    walls.add_bodies(support, problems)
+    walls.add_bodies(support, problems, warnings)
     covered = walls.covered(0.0)[lattice.domain] if case.bodies else None
     region = fluid_regions(case, lattice, covered, problems)
     if problems:
@@ -134,7 +134,7 @@ def build(case: Case, support: float, unlock: float = 0.0, arrange: Arrange | No
     phase_of_region = np.array([*(phase_index[fluid.phase] for fluid in case.fluids), -1], dtype=np.int32)
     problems += loose_gas(case, lattice, phase_of_region[region], covered, support)
     surfaces = [solid.surface for solid in walls.solids]
-    boundary = np.concatenate([solid.sampling.position for solid in walls.solids]) if walls.solids else None
+    boundary = np.concatenate([solid.filling for solid in walls.solids]) if walls.solids else None
     regions = Regions(
         lattice, case.periodic, region, phase_of_region, EntryAt(case, surfaces), covered, boundary
     )  # fmt: skip

@@ -11,6 +11,7 @@ from warpsph.case.domain import AXES
 from warpsph.errors import Problem
 from warpsph.scene.body_surfaces import Solid, make_solids
 from warpsph.scene.lattice import Lattice, points_of
+from warpsph.scene.sheets import Frames
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -27,6 +28,9 @@ class Surroundings:
     area: (n,), area of the surface that a particle of the first layer stands for, 0 for those beneath, m^(d-1)
     volume: (n,), m^d
     leader: (n,) int, row of the particle of the first layer that is nearest to the foot
+    sheet: (n,) int, side of a thin tail through which alone a particle is seen, 1 or -1; 0 for all others
+    frame: (n,) int, which of `frames` lines of sight to it are judged by, -1 for none
+    frames: of all tails
     """
 
     normal: NDArray[np.float64]
@@ -34,6 +38,9 @@ class Surroundings:
     area: NDArray[np.float64]
     volume: NDArray[np.float64]
     leader: NDArray[np.int64]
+    sheet: NDArray[np.int8]
+    frame: NDArray[np.int64]
+    frames: Frames
 
 
 def surroundings_of_sides(position: NDArray[np.float64], lattice: Lattice) -> Surroundings:
@@ -52,7 +59,10 @@ def surroundings_of_sides(position: NDArray[np.float64], lattice: Lattice) -> Su
     if len(first):
         leader = first[cKDTree(foot[first]).query(foot)[1]]
         area[first] = lattice.cell_volume / (beyond[first] * spacing).sum(axis=1)
-    return Surroundings(normal, depth, area, np.full(n, lattice.cell_volume), leader)
+    seen_by_all = np.zeros(n, dtype=np.int8), np.full(n, -1)
+    return Surroundings(
+        normal, depth, area, np.full(n, lattice.cell_volume), leader, *seen_by_all, Frames.joined([], lattice.dimension)
+    )
 
 
 class WallCells:
@@ -133,12 +143,12 @@ class WallCells:
         body = np.choose(deepest, [bodies[k][cells[k]] for k in range(d)])
         self._append(cells, velocity, ~any_no_slip, body)
 
-    def add_bodies(self, support: float, problems: list[Problem]) -> None:
-        """Add the boundary particles of the bodies; which cells they take is for `block` to say.
+    def add_bodies(self, support: float, problems: list[Problem], warnings: list[str]) -> None:
+        """Add the boundary particles of the bodies; `covered` says which cells they take.
 
         support: reach of the smoothing kernel, m; the layers are as deep.
         """
-        self.solids = make_solids(self.case, self.lattice, support, problems)
+        self.solids = make_solids(self.case, self.lattice, support, problems, warnings)
         for solid, (name, body) in zip(self.solids, self.case.bodies.items(), strict=False):
             self.names.append(name)
             n = solid.sampling.count
@@ -158,13 +168,16 @@ class WallCells:
         lattice = self.lattice
         known = sum(solid.sampling.count for solid in self.solids)
         sides = surroundings_of_sides(self.position[: self.count - known], lattice)
-        parts, first = [sides], len(sides.depth)
+        parts, first, first_frame = [sides], len(sides.depth), 0
         for solid in self.solids:
             s = solid.sampling
-            parts.append(Surroundings(s.normal, s.depth, s.area, s.volume, s.leader + first))
-            first += len(s.depth)
-        columns = zip(*((p.normal, p.depth, p.area, p.volume, p.leader) for p in parts), strict=True)
-        return Surroundings(*(np.concatenate(column) for column in columns))
+            frame = np.where(s.frame < 0, -1, s.frame + first_frame)
+            parts.append(Surroundings(s.normal, s.depth, s.area, s.volume, s.leader + first, s.sheet, frame, s.frames))
+            first += s.count
+            first_frame += s.frames.count
+        names = ("normal", "depth", "area", "volume", "leader", "sheet", "frame")
+        columns = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
+        return Surroundings(**columns, frames=Frames.joined([part.frames for part in parts], lattice.dimension))
 
     def _append(self, cells: tuple[NDArray[np.intp], ...], velocity: Any, slip: Any, body: Any) -> None:
         self._append_at(points_of(self.lattice.axes(), cells), velocity, slip, body)

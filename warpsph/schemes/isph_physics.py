@@ -136,6 +136,7 @@ def derive(case: Case, geometry: Geometry, row_list: bool) -> Physics:
         periodic=tuple(case.periodic),
         walls=geometry.wall_count > 0,
         bodies=bool(case.bodies),
+        tails=geometry.surface is not None and geometry.surface.frames.count > 0,
         wall_no_slip=viscous and bool((geometry.wall_slip[geometry.kind == 1] == 0).any()),
         viscosity=viscosity,
         corrected=gradient == "corrected",
