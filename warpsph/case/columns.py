@@ -72,13 +72,13 @@ def column_names(name: str, spec: Any, case: Any) -> list[str]:
 
 def wall_bodies(case: Any) -> list[str]:
     """Names of the solid bodies of a case, as in `wall_force_x <body>`: `domain` if it has walls, then the
-    obstacles.
+    obstacles, then the bodies.
 
     An obstacle without a name is called obstacle_1, obstacle_2 ... by its place in the list.
     """
     names = [obstacle.name or f"obstacle_{place}" for place, obstacle in enumerate(case.obstacles, 1)]
     at_domain = any("wall" in (axis.lower.kind, axis.upper.kind) for axis in case.sides)
-    return (["domain"] if at_domain else []) + names
+    return (["domain"] if at_domain else []) + names + list(case.bodies)
 
 
 def column_formula(names: Iterable[str], text: str) -> tuple[Expression, dict[str, str]]:
@@ -176,6 +176,16 @@ def _wall_force(spec: Any, case: Any, phases: _Names, axes: _Names) -> list[Colu
     return [
         *(Column(f"force_{axis}", unit) for axis in axes),
         *(Column(f"force_{axis} {body}", unit) for body in wall_bodies(case) for axis in axes),
+        *(column for body in case.bodies for column in _body_load(body, axes)),
+    ]
+
+
+def _body_load(body: str, axes: _Names) -> list[Column]:
+    """Parts of the force on a body with a surface of its own, and its torque."""
+    unit, turning = _unit(axes, "N", "N/m"), _unit(axes, "N m", "N")
+    return [
+        *(Column(f"{part}_{axis} {body}", unit) for part in ("pressure", "friction") for axis in axes),
+        *(Column(f"torque_{axis} {body}", turning) for axis in (axes if len(axes) == 3 else ("z",))),
     ]
 
 

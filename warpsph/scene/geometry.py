@@ -25,7 +25,7 @@ import numpy as np
 
 from warpsph.errors import CaseError, Problem
 from warpsph.scene.borders import Regions
-from warpsph.scene.cut_cells import free_volumes
+from warpsph.scene.cut_cells import cut_places
 from warpsph.scene.fluid_regions import EntryAt, chosen_arrangement, fluid_regions, loose_gas, off_lattice
 from warpsph.scene.lattice import Lattice, make_lattice
 from warpsph.scene.start_fluid import fluid_particles, start_pressure, start_velocity
@@ -139,6 +139,8 @@ def build(case: Case, support: float, unlock: float = 0.0, arrange: Arrange | No
     if arrangement == "lattice":
         warnings += off_lattice(case, lattice)
     packed = arrange(regions, case.start.seed) if arrange is not None and arrangement == "fitted" else None
+    if packed is None and walls.distances and solid is not None:
+        packed = cut_places(lattice, case.periodic, region >= 0, solid, walls.distances)
     fluid = fluid_particles(case, lattice, region, max(case.start.noise, unlock), None if packed is None else packed[0])
     velocity = start_velocity(case, fluid, problems)
     pressure = None
@@ -166,13 +168,6 @@ def build(case: Case, support: float, unlock: float = 0.0, arrange: Arrange | No
     surface = walls.surface() if case.bodies else None
     if surface is not None:
         volume[fluids:] = surface.volume
-        if packed is None:
-            assert solid is not None
-            volume[:fluids] = free_volumes(lattice, case.periodic, region >= 0, solid, walls.distances)
-        if solid is not None and not (region < 0)[~solid].any():
-            # the rounding of volumes that are counted by points
-            free = math.prod(lattice.count) * lattice.cell_volume - sum(s.measure for s in walls.samplings)
-            volume[:fluids] *= free / volume[:fluids].sum()
     return Geometry(
         position=rows(fluid.position, walls.position, np.float64, vector),
         velocity=rows(velocity, walls.velocity, np.float64, vector),
