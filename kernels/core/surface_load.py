@@ -1,7 +1,9 @@
 """Force of the fluid on the surface of bodies and sides, when a gauge asks for it (theory: riemann#a5).
 
-    F = sum over the first layer of A (-p_s n + mu (S + S^T) n),  p_s, S of the fit at the foot (`wall_fit`)
+    F = sum over the first layer of A (-p_s n + mu (S + S^T) n)
 
+p_s is that of the linear fit at the foot (`wall_fit`). S is the slope of a quadratic through the velocity of the wall there:
+that of a straight line would be the slope some way off the wall. Where the fluid is too thin for it, S is that of the line.
 The two terms are kept apart: what is left of the force without the friction is that of the pressure.
 """
 
@@ -12,6 +14,7 @@ import warp as wp
 
 from .pair import list_access, separation_of
 from .params import make_params, make_phase
+from .quadratic import make_quadratic
 from .smoothing import make_smoothing
 from .spec import SWEEP_OPTIONS, Spec, types, types_of
 
@@ -22,6 +25,9 @@ def make_surface_load(spec: Spec) -> Any:
     real, vec, mat, pair = types_of(spec)
     Params = make_params(spec.dimension, spec.precision)
     Phase = make_phase(spec.precision)
+    fit = make_quadratic(spec.dimension)
+    vec64 = types(spec.dimension, "float64").vec
+    square, sides, basis, solve = fit.square, fit.sides, fit.basis, fit.solve
     shape, _ = make_smoothing(spec.kernel, spec.precision)
     separation = separation_of(spec)
     list_begin, list_step, neighbour, Listed = list_access(spec)
@@ -38,6 +44,7 @@ def make_surface_load(spec: Spec) -> Any:
         fluid_neighbours: wp.array(dtype=wp.int16),
         phase: wp.array(dtype=wp.int8),
         position: wp.array(dtype=vec),
+        velocity: wp.array(dtype=vec),
         state: wp.array(dtype=pair),
         wall_depth: wp.array(dtype=real),
         wall_normal: wp.array(dtype=vec),
@@ -51,28 +58,41 @@ def make_surface_load(spec: Spec) -> Any:
         w = wp.tid() + first
         normal = wall_normal[w]
         rubbed = vec()
+        rubs = bool(False)
         if wp.static(spec.wall_no_slip):
-            if wall_area[w] > real(0.0) and slip[w] == wp.uint8(0):
-                viscosity = phases[0].viscosity
+            rubs = wall_area[w] > real(0.0) and slip[w] == wp.uint8(0)
+        if rubs:
+            i = w + fluid_count
+            foot = position[i] + normal * wall_depth[w]
+            own_velocity = velocity[i]
+            weight = real(0.0)
+            viscosity = real(0.0)  # of the fluids before the foot, by their weights
+            normal_matrix = square()
+            right = sides()
+            k = list_begin(i, list_width)
+            step = list_step(particle_count)
+            end = k + int(fluid_neighbours[i]) * step
+            while k < end:
+                j = neighbour(neighbours, i, k)
+                k += step
+                r = separation(position[j], foot, True, params) * params.inv_h
+                w_j = shape(wp.length(r)) * state[j][1]
+                own = int(0)
                 if wp.static(spec.multiphase):
-                    # of the fluids before the foot, by their weights in the fit
-                    i = w + fluid_count
-                    foot = position[i] + normal * wall_depth[w]
-                    weight = real(0.0)
-                    viscosity = real(0.0)
-                    k = list_begin(i, list_width)
-                    step = list_step(particle_count)
-                    end = k + int(fluid_neighbours[i]) * step
-                    while k < end:
-                        j = neighbour(neighbours, i, k)
-                        k += step
-                        r = wp.length(separation(foot, position[j], True, params))
-                        w_j = shape(r * params.inv_h) * state[j][1]
-                        weight += w_j
-                        viscosity += w_j * phases[int(phase[j])].viscosity
-                    viscosity = viscosity / wp.max(weight, real(1.0e-30))
-                stretch = surface_shear[w] + wp.transpose(surface_shear[w])
-                rubbed = (viscosity * wall_area[w]) * (stretch * normal)
+                    own = int(phase[j])
+                weight += w_j
+                viscosity += w_j * phases[own].viscosity
+                terms = basis(vec64(r))
+                normal_matrix += wp.outer(terms, wp.float64(w_j) * terms)
+                right += wp.outer(terms, wp.float64(w_j) * vec64(velocity[j] - own_velocity))
+            shear = surface_shear[w]
+            found, slopes = solve(normal_matrix, right)
+            if found:
+                for a in range(wp.static(spec.dimension)):
+                    for b in range(wp.static(spec.dimension)):
+                        shear[a, b] = real(slopes[b, a]) * params.inv_h
+            viscosity = viscosity / wp.max(weight, real(1.0e-30))
+            rubbed = (viscosity * wall_area[w]) * ((shear + wp.transpose(shear)) * normal)
         load[w] = rubbed - (surface_pressure[w] * wall_area[w]) * normal
         friction[w] = rubbed
 

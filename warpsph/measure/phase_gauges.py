@@ -119,8 +119,8 @@ class InterfaceLengthGauge(Gauge):
 class WallForceGauge(Gauge):
     """Force of the fluid on the walls: of all bodies together, and of each (`wall_bodies`).
 
-    Of the bodies of the case also the parts of pressure and friction, and the torque about `pivot` [m], or about the centre of
-    the surface.
+    Of the bodies of the case also the parts of pressure and friction, and the torque about `pivot` [m], or about the
+    centre of the surface.
     """
 
     needs = Needs.of(extra=("wall_force",))
@@ -130,7 +130,8 @@ class WallForceGauge(Gauge):
         self.bodies = wall_bodies(case)
 
     def row(self, snapshot: Snapshot) -> list[float]:
-        forces = np.array([self._vector(snapshot, "wall_force", body) for body in self.bodies]).reshape(-1, self.dimension)
+        forces = np.array([self._vector(snapshot, "wall_force", body) for body in self.bodies])
+        forces = forces.reshape(-1, self.dimension)
         parts = (part for body in self.case.bodies for part in self._parts(snapshot, body))
         return [*forces.sum(axis=0), *forces.ravel(), *parts]
 
@@ -138,7 +139,8 @@ class WallForceGauge(Gauge):
         return np.array([self.extra(snapshot, f"{quantity}_{axis} {body}") for axis in self.axes])
 
     def _parts(self, snapshot: Snapshot, body: str) -> list[float]:
-        force, friction = (self._vector(snapshot, f"wall_{kind}", body) for kind in ("force", "friction"))
+        force = self._vector(snapshot, "wall_force", body)
+        friction = self._vector(snapshot, "wall_friction", body)
         turning = self.axes if self.dimension == 3 else ("z",)
         torque = np.array([self.extra(snapshot, f"wall_torque_{axis} {body}") for axis in turning])
         if self.spec.pivot is not None:

@@ -83,8 +83,12 @@ class WallLoads:
     def _torque(self, load: Any) -> Any:
         """Return the torque of the force on each wall particle about the centre of its body, as vectors [N m]."""
         spec, device = self.particles.spec, self.launcher.device
-        pivots = wp.array(self.pivots, dtype=self.vec, device=device)
-        special = {"pivots": pivots, "load": load, "torque": self._array("torque"), "fluid_count": self.particles.fluid_capacity}
+        special: dict[str, Any] = {
+            "fluid_count": self.particles.fluid_capacity,
+            "pivots": wp.array(self.pivots, dtype=self.vec, device=device),
+            "load": load,
+            "torque": self._array("torque"),
+        }
         kernel = make_load_torque(spec.dimension, spec.precision)
         self.launcher.task("torque", kernel, self.particles.wall_count, self.stepper.bindings, special=special).run()
         return special["torque"]

@@ -1,8 +1,8 @@
 """Volumes of the fluid particles beside a body, whose surface cuts the cells of the lattice.
 
 A particle stands for the free part of its own cell, and for that part of the cells without a particle that is nearer to it
-than to another, and is in the middle of both together. So the particles share exactly the room that the bodies leave, each has
-that of its surroundings, and the sums over them find no gap before the surface.
+than to another, and is in the middle of both together. So the particles share exactly the room that the bodies leave, each
+has that of its surroundings, and the sums over them find no gap before the surface.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ def cut_places(
     solid: NDArray[np.bool_],
     distances: Sequence[Distance],
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Way of the particle of each cell with fluid from the middle of its cell (n, d), m, and volume over that of the cell (n,).
+    """Way (n, d), m, of the particle of each cell with fluid from its middle, and its volume over that of the cell (n,).
 
     Args:
         lattice: the cells.

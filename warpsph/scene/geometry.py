@@ -16,7 +16,6 @@ has the particles of the lattice, but whoever wants it gives `build` a function 
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
