@@ -16,7 +16,7 @@ class Quadratic(NamedTuple):
     Attributes:
         terms: their number, d + d (d+1)/2.
         basis: `wp.func` basis(r), the terms at r, a vector.
-        vector, square, sides: types of a vector of terms, of the normal matrix, and of its right-hand sides, one a component.
+        vector, square, sides: types of a vector of terms, of the normal matrix, and of its right-hand sides.
         solve: `wp.func` solve(normal, right) -> (found, coefficients): the first d rows are the slopes.
     """
 
