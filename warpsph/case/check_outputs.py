@@ -49,6 +49,12 @@ def _check_gauge(case: Any, name: Any, gauge: Any) -> Problems:
             yield Problem(
                 f"{path}.type", gauge.type, "needs a wall or a body", "delete the gauge or add a wall"
             )
+        if gauge.pivot is not None:
+            yield from guarded(check_length(case.dimension, f"{path}.pivot", gauge.pivot))
+            if not case.bodies:
+                yield Problem(
+                    f"{path}.pivot", list(gauge.pivot), "needs bodies: torque is that on bodies", "delete it"
+                )
     elif gauge.type == "contour":
         if case.dimension != 2:
             yield Problem(f"{path}.type", gauge.type, "needs dimension: 2", "use extents")

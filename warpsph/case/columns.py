@@ -173,6 +173,16 @@ def _wall_force(spec: Any, case: Any, phases: _Names, axes: _Names) -> list[Colu
     return [
         *(Column(f"force_{axis}", unit) for axis in axes),
         *(Column(f"force_{axis} {body}", unit) for body in wall_bodies(case) for axis in axes),
+        *(column for body in case.bodies for column in _body_load(body, axes)),
+    ]
+
+
+def _body_load(body: str, axes: _Names) -> list[Column]:
+    """Parts of the force on a body with a surface of its own, and its torque."""
+    unit, turning = _unit(axes, "N", "N/m"), _unit(axes, "N m", "N")
+    return [
+        *(Column(f"{part}_{axis} {body}", unit) for part in ("pressure", "friction") for axis in axes),
+        *(Column(f"torque_{axis} {body}", turning) for axis in (axes if len(axes) == 3 else ("z",))),
     ]
 
 

@@ -97,7 +97,12 @@ class StraysGauge(GaugeModel):
 class WallForceGauge(GaugeModel):
     """Force of the fluid on the walls."""
 
-    type: Literal["wall_force"] = Field(description="force on the walls")
+    type: Literal["wall_force"] = Field(description="force on the walls, and torque on bodies")
+    pivot: Vector | None = Field(
+        default=None,
+        description="point about which the torques on bodies are taken, m (default: of each the centre of its surface)",
+        examples=["[0, 0]"],
+    )
 
 
 _SampledFields = Annotated[

@@ -29,6 +29,7 @@ from warpsph.measure.totals import Scene, eos_of_run
 from warpsph.running import memory
 from warpsph.running.device_sums import DeviceSums
 from warpsph.running.state_copy import copy_state
+from warpsph.running.wall_loads import WallLoads
 from warpsph.scene.geometry import Geometry, build
 from warpsph.scene.packing import Packer
 from warpsph.scene.physics import Physics, contact_matrix, derive, support_radius
@@ -370,28 +371,15 @@ class Model:
 
     def wall_load(self) -> Any:
         """Return the force of the fluid on each wall particle, a Warp array of (walls,) vectors [N]."""
-        bindings = self.stepper.bindings
-        if "load" not in bindings:
-            vec = types_of(self.physics.spec).vec
-            bindings["load"] = wp.zeros(self.particles.wall_count, dtype=vec, device=self.device)
-        self.stepper.measure("wall_load")
-        return bindings["load"]
+        return self._wall_loads.measure()
 
     def wall_forces(self) -> dict[str, float]:
-        """Return the force of the fluid on the walls: `wall_force_x <body>` -> N (2-D: per metre of depth).
+        """Return what the fluid does to each wall body, see `WallLoads.forces`."""
+        return self._wall_loads.forces()
 
-        The sides of the domain count as one body, `domain`; every other body is one of its own.
-        """
-        bodies = self.geometry.body_names
-        load = self.sums.body_forces(self.wall_load(), len(bodies))
-        sides = {f"{axis}_{end}" for axis in "xyz" for end in ("lower", "upper")}
-        names = np.array([("domain" if name in sides else name) for name in bodies])
-        forces: dict[str, float] = {}
-        for name in dict.fromkeys(["domain", *names.tolist()]):
-            total = load[names == name].sum(axis=0)
-            for axis, value in zip("xyz", total, strict=False):
-                forces[f"wall_force_{axis} {name}"] = float(value)
-        return forces
+    @functools.cached_property
+    def _wall_loads(self) -> WallLoads:
+        return WallLoads(self.case, self.geometry, self.particles, self.launcher, self.stepper, self.sums)
 
     def save_state(self) -> dict[str, np.ndarray]:
         """Return everything a restart needs, by name."""

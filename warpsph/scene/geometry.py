@@ -25,7 +25,7 @@ import numpy as np
 from warpsph.errors import CaseError, Problem
 from warpsph.scene.body_surfaces import SAME
 from warpsph.scene.borders import Regions
-from warpsph.scene.cut_cells import free_volumes
+from warpsph.scene.cut_cells import cut_places
 from warpsph.scene.fluid_regions import EntryAt, chosen_arrangement, fluid_regions, loose_gas, off_lattice
 from warpsph.scene.lattice import Lattice, make_lattice
 from warpsph.scene.start_fluid import fluid_particles, start_pressure, start_velocity
@@ -146,6 +146,8 @@ def build(case: Case, support: float, unlock: float = 0.0, arrange: Arrange | No
             covered = walls.covered(0.5 * case.spacing * (1.0 - SAME))[lattice.domain]
             region = np.where(covered, np.int32(-1), region)
     packed = arrange(regions, case.start.seed) if arrange is not None and arrangement == "fitted" else None
+    if packed is None and walls.distances and solid is not None:
+        packed = cut_places(lattice, case.periodic, region >= 0, solid, walls.distances)
     fluid = fluid_particles(case, lattice, region, max(case.start.noise, unlock), None if packed is None else packed[0])
     velocity = start_velocity(case, fluid, problems)
     pressure = None

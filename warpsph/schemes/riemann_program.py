@@ -9,6 +9,7 @@ from __future__ import annotations
 from warpsph.engine.program import Absent, BuildList, KeepList, Node, Program, Rarely, Stage
 from warpsph.kernels.core.clock import make_advance
 from warpsph.kernels.core.spec import Spec
+from warpsph.kernels.core.surface_load import make_surface_load
 from warpsph.kernels.core.wall import make_wall
 from warpsph.kernels.core.wall_fit import make_wall_fit, make_wall_rows, make_wall_values
 from warpsph.kernels.riemann.contact import make_contact
@@ -28,7 +29,7 @@ def program(spec: Spec) -> Program:
     if spec.interface and spec.tension == "none":
         measures["interface"] = [*geometry(spec)]
     if spec.walls:
-        measures["wall_load"] = [wall_load(spec)]
+        measures["wall_load"] = [*wall_load(spec)]
     return Program(step=step(spec), start=start(spec), advance=advance(spec), measures=measures)
 
 
@@ -93,9 +94,13 @@ def geometry(spec: Spec) -> list[Stage]:
     ]
 
 
-def wall_load(spec: Spec) -> Stage:
-    """Return the stage that a wall-force gauge runs: the force on each wall particle."""
-    return Stage("wall_load", make_load(spec), "wall", "wall-force gauge")
+def wall_load(spec: Spec) -> list[Stage]:
+    """Return the stages that a wall-force gauge runs: the force on each wall particle."""
+    if spec.bodies and spec.corrected:
+        # a build of the list may have moved the rows since the fit
+        fit = Stage("wall_fit", make_wall_fit(spec), "wall", "linear fit of the flow before the walls")
+        return [fit, Stage("wall_load", make_surface_load(spec), "wall", "wall-force gauge, over the surface")]
+    return [Stage("wall_load", make_load(spec), "wall", "wall-force gauge")]
 
 
 def sides(spec: Spec) -> list[Stage]:

@@ -31,7 +31,8 @@ class RiemannScheme(Scheme):
     numerics = RiemannNumerics
     printed_ratio = 1.25
     staggered = True
-    work = frozenset({"load", "velocity_old"})  # the latter of the wall stage, which knows schemes of two time levels
+    # the last of the wall stage, which knows schemes of two time levels
+    work = frozenset({"load", "friction", "velocity_old"})
 
     def check(self, case: Any) -> Iterator[Problem]:
         """Yield what needs a closed or periodic domain and has none."""
