@@ -53,7 +53,7 @@ class WallLoads:
     def forces(self) -> dict[str, float]:
         """Return the force of the fluid on the walls: `wall_force_x <body>` -> N (2-D: per metre of depth).
 
-        The sides of the domain count as one body, `domain`; every obstacle is one of its own. Of the bodies of the case also
+        The sides of the domain count as one body, `domain`; every other body is one of its own. Of these also
         the part of friction, `wall_friction_x <body>`, the torque about the centre of the surface, `wall_torque_z <body>`
         (3-D: x, y, z) [N m], and that centre, `wall_centre_x <body>` [m].
         """

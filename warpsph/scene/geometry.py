@@ -146,8 +146,9 @@ def build(case: Case, support: float, unlock: float = 0.0, arrange: Arrange | No
             covered = walls.covered(0.5 * case.spacing * (1.0 - SAME))[lattice.domain]
             region = np.where(covered, np.int32(-1), region)
     packed = arrange(regions, case.start.seed) if arrange is not None and arrangement == "fitted" else None
-    if packed is None and walls.distances and solid is not None:
-        packed = cut_places(lattice, case.periodic, region >= 0, solid, walls.distances)
+    if packed is None and cut and covered is not None:
+        distances = [solid.surface.signed_distance for solid in walls.solids]
+        packed = cut_places(lattice, case.periodic, region >= 0, covered, distances)
     fluid = fluid_particles(case, lattice, region, max(case.start.noise, unlock), None if packed is None else packed[0])
     velocity = start_velocity(case, fluid, problems)
     pressure = None
@@ -172,9 +173,6 @@ def build(case: Case, support: float, unlock: float = 0.0, arrange: Arrange | No
     volume = np.full(total, lattice.cell_volume)
     if packed is not None:
         volume[:fluids] *= packed[1]
-    elif cut and covered is not None:
-        distances = [solid.surface.signed_distance for solid in walls.solids]
-        volume[:fluids] = free_volumes(lattice, case.periodic, region >= 0, covered, distances)
     surface = walls.surface() if case.bodies else None
     if surface is not None:
         volume[fluids:] = surface.volume
