@@ -43,6 +43,11 @@ def flagged(spec: Spec) -> bool:
     return spec.multiphase or any(spec.periodic)
 
 
+def varying_sides(spec: Spec) -> bool:
+    """Runs in which the velocity of a side of the domain depends on time."""
+    return spec.walls and spec.varying_sides
+
+
 def changing(spec: Spec) -> bool:
     """Runs in which particles are born or die."""
     return spec.changing
@@ -86,6 +91,7 @@ COMMON: tuple[Field, ...] = (
     Field("particle_id", "int32", "all", True, always, "-", "number given at the start"),
     Field("phase", "int8", "fluid", True, multiphase, "-", "index of the fluid phase"),
     Field("wall_body", "int32", "wall", True, walls, "-", "number of the wall body"),
+    Field("wall_sides", "uint8", "wall", True, varying_sides, "-", "bits: the sides that a wall particle is behind"),
     Field("fluid_neighbours", "int16", "all", False, always, "-", "fluid particles in the list"),
     Field("wall_neighbours", "int16", "fluid", False, walls, "-", "wall particles in the list, after the fluid"),
     Field("flags", "uint8", "all", False, flagged, "-", "bits of `pair`: image, first ring, band"),

@@ -9,6 +9,7 @@ from warpsph.kernels.core.clock import MAXIMA, SPEED, STEP
 from warpsph.kernels.core.mirror import code_shift, make_images, make_sides
 from warpsph.kernels.core.pair import WRAPPED, list_access, make_entry
 from warpsph.kernels.core.params import make_params, make_phase
+from warpsph.kernels.core.signals import GRAVITY_NEXT, make_forcing
 from warpsph.kernels.core.smoothing import make_smoothing
 from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, types_of
 from warpsph.kernels.core.weights import make_weights
@@ -37,6 +38,7 @@ def make_assemble(spec: Spec) -> Any:
     list_begin, list_step, neighbour, Listed = list_access(spec)
     row_begin, row_stride, _, Columns, put_column = make_entry(spec.row_list, spec.wide_list)
     _, _, _, Values, put_value = make_entry(spec.row_list, spec.wide_list, real)
+    gravity_of, _ = make_forcing(spec)
     time_weights = make_weights(spec.second_order)
     periodic = any(spec.periodic)
     dimension = float(spec.dimension)
@@ -56,6 +58,7 @@ def make_assemble(spec: Spec) -> Any:
         sides: Sides,
         phases: wp.array(dtype=Phase),
         clock: wp.array(dtype=wp.float64),
+        forcing: wp.array(dtype=vec),
         neighbours: Listed,
         fluid_neighbours: wp.array(dtype=wp.int16),
         wall_neighbours: wp.array(dtype=wp.int16),
@@ -99,7 +102,7 @@ def make_assemble(spec: Spec) -> Any:
         weights = time_weights(clock)
         beta = weights[2] * clock[STEP]
         # what gravity adds to u*: the pressure of images and walls balances it, so that it is not mirrored
-        falling = params.gravity * real(beta)
+        falling = gravity_of(params, forcing, GRAVITY_NEXT) * real(beta)
         crowd = rest_volume[i]
         full = bool(True)
         flow = mat()
@@ -133,7 +136,7 @@ def make_assemble(spec: Spec) -> Any:
                 if code != 0:
                     vj = image_velocity(vj - falling, code, sides) + falling
                     if wp.static(spec.gravity):
-                        right += w * rho * wp.dot(params.gravity, lift(xj, code, sides))
+                        right += w * rho * wp.dot(gravity_of(params, forcing, GRAVITY_NEXT), lift(xj, code, sides))
             flow += wp.outer(vj - vi, f * d)
             uneven += w * d
             known = bool(False)
@@ -164,7 +167,7 @@ def make_assemble(spec: Spec) -> Any:
                 flow += wp.outer(real(2.0) * (velocity[j] + falling - vi), f * d)
                 uneven += w * d
                 if wp.static(spec.gravity):
-                    right -= w * rho * wp.dot(params.gravity, d)
+                    right -= w * rho * wp.dot(gravity_of(params, forcing, GRAVITY_NEXT), d)
         divergence = wp.trace(flow * correction[i]) * params.g_norm
         wanted = real(0.0)
         if full:
@@ -242,6 +245,7 @@ def make_correct(spec: Spec) -> Any:
     images = make_images(spec)
     apart, lift = images.apart, images.lift
     list_begin, list_step, neighbour, Listed = list_access(spec)
+    gravity_of, _ = make_forcing(spec)
     time_weights = make_weights(spec.second_order)
     periodic = any(spec.periodic)
     image_bit = code_shift(spec.dimension)
@@ -258,6 +262,7 @@ def make_correct(spec: Spec) -> Any:
         sides: Sides,
         phases: wp.array(dtype=Phase),
         clock: wp.array(dtype=wp.float64),
+        forcing: wp.array(dtype=vec),
         neighbours: Listed,
         fluid_neighbours: wp.array(dtype=wp.int16),
         wall_neighbours: wp.array(dtype=wp.int16),
@@ -301,7 +306,7 @@ def make_correct(spec: Spec) -> Any:
             p_j = pressure[j]
             if wp.static(spec.mirror and spec.gravity):
                 if code != 0:
-                    p_j += rho * wp.dot(params.gravity, lift(xj, code, sides))
+                    p_j += rho * wp.dot(gravity_of(params, forcing, GRAVITY_NEXT), lift(xj, code, sides))
             f = slope(wp.sqrt(wp.dot(d, d)) * params.inv_h) * rest_volume[j]
             total += (f * (p_j + sign * p_i)) * d
         nearest = real(TOUCH) * params.spacing  # distance of the nearest wall particle
@@ -320,7 +325,7 @@ def make_correct(spec: Spec) -> Any:
                     wall_speed = velocity[j]
                 p_j = p_i
                 if wp.static(spec.gravity):
-                    p_j -= rho * wp.dot(params.gravity, d)
+                    p_j -= rho * wp.dot(gravity_of(params, forcing, GRAVITY_NEXT), d)
                 f = slope(wp.sqrt(wp.dot(d, d)) * params.inv_h) * params.wall_volume
                 total += (f * (p_j + sign * p_i)) * d
         gradient = total * params.g_norm

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import warp as wp
 
+from warpsph.case.signals import vector_at
 from warpsph.engine.device_clock import DeviceClock
 from warpsph.engine.launch import Launcher
 from warpsph.engine.level import Level
@@ -23,12 +24,14 @@ from warpsph.kernels.core import clock as ck
 from warpsph.kernels.core.leaks import LARGEST, LAST
 from warpsph.kernels.core.mirror import FREE_SLIP, NO_SLIP, NO_WALL, make_sides
 from warpsph.kernels.core.params import make_params, make_phase
+from warpsph.kernels.core.signals import FORCING_SIZE, depends_on_time
 from warpsph.kernels.core.smoothing import KERNELS, window_integral
 from warpsph.kernels.core.spec import types_of
 from warpsph.measure.totals import Scene, eos_of_run
 from warpsph.running import memory
 from warpsph.running.device_sums import DeviceSums
 from warpsph.running.state_copy import copy_state
+from warpsph.scene.forcing import forcing_of
 from warpsph.scene.geometry import Geometry, build
 from warpsph.scene.packing import Packer
 from warpsph.scene.physics import Physics, contact_matrix, derive, support_radius
@@ -92,6 +95,7 @@ class Model:
             if refused is not None:
                 raise refused
         self.geometry = geometry if geometry is not None else build(case, support_radius(case))
+        self.forcing = forcing_of(case)
         self.physics: Physics = derive(case, self.geometry, row_list=self.launcher.is_cpu)
         unlock = float(self.physics.choices["unlock"])
         fitted = self.geometry.arrangement == "fitted"
@@ -124,6 +128,8 @@ class Model:
             lattice, wall = geometry.lattice, geometry.position[nf:]
             beyond = np.maximum(np.maximum(np.array(lattice.lower) - wall, wall - np.array(lattice.upper)), 0.0)
             particles.put("wall_depth", np.linalg.norm(beyond, axis=1))
+        if "wall_sides" in particles.arrays:
+            particles.put("wall_sides", geometry.wall_sides[nf:])
         if "slip" in particles.arrays:
             particles.put("slip", geometry.wall_slip[nf:])
         self.scheme.fill(particles, case, geometry, self.physics)
@@ -147,6 +153,7 @@ class Model:
         return {
             "params": params,
             "sides": self._sides(),
+            **self._signals(),
             "phases": wp.array(phases, dtype=make_phase(spec.precision), device=self.device),
             "tension": wp.array(physics.tension.ravel(), dtype=real, device=self.device),
             "phase_count": len(case.phases),
@@ -175,8 +182,9 @@ class Model:
         params.box = vec(*box)
         # an axis without period never wraps: its half period is out of reach
         params.half_box = vec(*(0.5 * b if b > 0 else 1.0e30 for b in box))
-        params.gravity = vec(*map(float, case.gravity))
-        params.body_force = vec(*map(float, case.body_force))
+        balanced, driving = self.forcing.start()
+        params.gravity = vec(*map(float, balanced))
+        params.body_force = vec(*map(float, driving))
         params.tiny = (1.0e-6 * h) ** 2
         params.center = vec(*map(float, case.central_force.center if case.central_force else [0.0] * d))
         params.pull = case.central_force.rate ** 2 if case.central_force else 0.0
@@ -255,11 +263,28 @@ class Model:
             for side in (axis.lower, axis.upper):
                 wall = side.kind == "wall"
                 kinds.append((FREE_SLIP if side.wall == "free_slip" else NO_SLIP) if wall else NO_WALL)
-                speeds.append(list(side.velocity) if wall and side.velocity else [0.0] * spec.dimension)
+                speeds.append(vector_at(side.velocity) if wall and side.velocity else [0.0] * spec.dimension)
         sides.kind = wp.array(kinds, dtype=int, device=self.device)
         sides.velocity = wp.array(np.array(speeds), dtype=vec, device=self.device)
         self._kept_sides = sides  # the arrays in it live as long as this
         return sides
+
+    def _signals(self) -> dict[str, Any]:
+        """Return what the stage `signals` reads and writes, by kernel argument; nothing where nothing depends on time."""
+        spec, device = self.physics.spec, self.device
+        if not depends_on_time(spec):
+            return {}
+        vec = types_of(spec).vec
+        first, begin, terms = self.forcing.arrays()
+        return {
+            "held": vec(*map(float, self.forcing.held)),
+            "signal_first": wp.array(first, dtype=int, device=device),
+            "signal_begin": wp.array(begin, dtype=wp.float64, device=device),
+            "signal_terms": wp.array(terms, dtype=wp.float64, device=device),
+            "forcing": wp.zeros(FORCING_SIZE, dtype=vec, device=device),
+            "impulse": wp.zeros(spec.dimension, dtype=wp.float64, device=device),
+            "side_velocity": self._kept_sides.velocity,  # the mirrors of a scheme that has some move at once
+        }
 
     def _solid_cells(self) -> dict[str, Any]:
         """Return which cells of the domain a body fills, by kernel argument; no cells if there is no body."""

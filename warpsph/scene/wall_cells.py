@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from warpsph.case.domain import AXES
+from warpsph.case.signals import vector_at
 from warpsph.errors import ExpressionError, Problem
 from warpsph.scene.fluid_regions import expression_problem
 from warpsph.scene.lattice import Lattice, points_of
@@ -30,6 +31,7 @@ class WallCells:
         self.position = np.empty((0, d))
         self.velocity = np.empty((0, d))
         self.slip = np.empty(0, dtype=np.uint8)
+        self.sides = np.empty(0, dtype=np.uint8)
         self.body = np.empty(0, dtype=np.int32)
 
     @property
@@ -56,6 +58,7 @@ class WallCells:
         slips = [np.zeros(n, dtype=np.bool_) for n in lattice.shape]
         speeds = [np.zeros((n, d)) for n in lattice.shape]
         bodies = [np.zeros(n, dtype=np.int32) for n in lattice.shape]
+        bits = [np.zeros(n, dtype=np.uint8) for n in lattice.shape]
         for k in range(d):
             before, after = lattice.layers[k]
             last = lattice.shape[k] - after
@@ -68,7 +71,8 @@ class WallCells:
                 self.names.append(f"{AXES[k]}_{end}")
                 depth[k][beyond] = layer
                 slips[k][beyond] = side.wall == "free_slip"
-                speeds[k][beyond] = side.velocity or 0.0
+                speeds[k][beyond] = vector_at(side.velocity) or 0.0
+                bits[k][beyond] = 1 << (2 * k + (end == "upper"))
                 bodies[k][beyond] = len(self.names)
         if not self.names:
             return
@@ -90,7 +94,8 @@ class WallCells:
 
         deepest = np.argmax(2 * behind + no_slip, axis=1)  # among equals a no-slip wall, then the first axis
         body = np.choose(deepest, [bodies[k][cells[k]] for k in range(d)])
-        self._append(cells, velocity, ~any_no_slip, body)
+        sides = sum(np.where(decides[:, k], bits[k][cells[k]], 0) for k in range(d))
+        self._append(cells, velocity, ~any_no_slip, body, sides)
 
     def add_obstacles(self, problems: list[Problem]) -> None:
         """Make the cells inside obstacles solid; where two overlap, the first has them.
@@ -120,10 +125,11 @@ class WallCells:
             n = len(cells[0])
             velocity = np.broadcast_to(obstacle.velocity or 0.0, (n, lattice.dimension))
             free = np.full(n, obstacle.wall == "free_slip")
-            self._append(cells, velocity, free, np.full(n, len(self.names)))
+            self._append(cells, velocity, free, np.full(n, len(self.names)), np.zeros(n))
 
-    def _append(self, cells: tuple[NDArray[np.intp], ...], velocity: Any, slip: Any, body: Any) -> None:
+    def _append(self, cells: tuple[NDArray[np.intp], ...], velocity: Any, slip: Any, body: Any, sides: Any) -> None:
         self.position = np.concatenate([self.position, points_of(self.lattice.axes(), cells)])
         self.velocity = np.concatenate([self.velocity, velocity])
         self.slip = np.concatenate([self.slip, slip.astype(np.uint8)])
         self.body = np.concatenate([self.body, body.astype(np.int32)])
+        self.sides = np.concatenate([self.sides, sides.astype(np.uint8)])

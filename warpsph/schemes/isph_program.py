@@ -9,6 +9,7 @@ import dataclasses
 
 from warpsph.engine.program import Absent, BuildList, Node, Program, Solve, Stage, Substeps
 from warpsph.kernels.core.clock import make_advance
+from warpsph.kernels.core.signals import depends_on_time, make_signals
 from warpsph.kernels.core.spec import Spec
 from warpsph.kernels.core.wall import make_wall
 from warpsph.kernels.isph.diffusion import make_diffusion
@@ -28,13 +29,14 @@ def program(spec: Spec) -> Program:
 
 def step(spec: Spec) -> list[Node]:
     """Return the nodes of one time step, in order."""
-    return [*move(spec), BuildList(), *look(spec), *friction(spec), *pressure(spec), *finish(spec)]
+    return [*signals(spec), *move(spec), BuildList(), *look(spec), *friction(spec), *pressure(spec), *finish(spec)]
 
 
 def first(spec: Spec) -> list[Node]:
     """Return the nodes of the first step, whose pressure equation has to know its own gradient."""
     again = [*_gradient(spec), *look(spec), *friction(spec), *pressure(spec)]
     return [
+        *signals(spec),
         *move(spec),
         BuildList(),
         *look(spec),
@@ -48,7 +50,7 @@ def first(spec: Spec) -> list[Node]:
 def start(spec: Spec) -> list[Node]:
     """Return the nodes that find the gradient of the start pressure, which the surface stage would overwrite."""
     seen = [stage for stage in look(spec) if stage.name in ("wall_state", "predict")]
-    return [BuildList("the first list"), *seen, _gradient(spec)[-1]]
+    return [*signals(spec), BuildList("the first list"), *seen, _gradient(spec)[-1]]
 
 
 def _gradient(spec: Spec) -> list[Stage]:
@@ -76,6 +78,13 @@ def friction(spec: Spec) -> list[Node]:
         nodes.append(Solve("diffusion_solve", "viscosity", "friction of one component of the velocity"))
         nodes.append(dataclasses.replace(take_over, values=values))
     return nodes
+
+
+def signals(spec: Spec) -> list[Stage]:
+    """Return the stage that evaluates what depends on time, all of it at the end of the step."""
+    if not depends_on_time(spec):
+        return []
+    return [Stage("signals", make_signals(spec), "one", "what depends on time", {"share": 1.0})]
 
 
 def move(spec: Spec) -> list[Stage]:
@@ -156,6 +165,8 @@ def absent(spec: Spec) -> list[Absent]:
         rows.append(Absent("implicit viscosity", "friction does not limit the step much, or the case says so"))
     if not spec.gravity:
         rows.append(Absent("gravity", "gravity is zero"))
+    if not depends_on_time(spec):
+        rows.append(Absent("signals", "nothing depends on time"))
     if not spec.shifting:
         rows.append(Absent("shift", "numerics.shifting is 0"))
     if spec.second_order:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from warpsph.engine.program import Absent, BuildList, KeepList, Node, Program, Rarely, Stage
 from warpsph.kernels.core.clock import make_advance
+from warpsph.kernels.core.signals import depends_on_time, make_move_sides, make_signals
 from warpsph.kernels.core.spec import Spec
 from warpsph.kernels.core.wall import make_wall
 from warpsph.kernels.riemann.contact import make_contact
@@ -27,7 +28,7 @@ def program(spec: Spec) -> Program:
     if spec.interface and spec.tension == "none":
         measures["interface"] = [*geometry(spec)]
     if spec.walls:
-        measures["wall_load"] = [wall_load(spec)]
+        measures["wall_load"] = [*signals(spec), wall_load(spec)]
     return Program(step=step(spec), start=start(spec), advance=advance(spec), measures=measures)
 
 
@@ -35,6 +36,8 @@ def step(spec: Spec) -> list[Node]:
     """Return the nodes of one time step, in order."""
     rare = [*constraints(spec), *tension(spec)]
     return [
+        *signals(spec),
+        *moving_sides(spec),
         Stage("kick_drift", make_kick_drift(spec), "fluid", "moves the particles"),
         *sides(spec),
         Stage("continuity", make_continuity(spec), "fluid", "density and pressure from star velocities"),
@@ -65,6 +68,7 @@ def constraints(spec: Spec) -> list[Stage]:
 def start(spec: Spec) -> list[Node]:
     """Return the nodes that complete a start: state from density, list, then the acceleration."""
     return [
+        *signals(spec),
         state(spec),
         BuildList("the first list"),
         *sides(spec),
@@ -72,6 +76,20 @@ def start(spec: Spec) -> list[Node]:
         *tension(spec),
         Stage("momentum", make_momentum(spec), "fluid", "first acceleration"),
     ]
+
+
+def signals(spec: Spec) -> list[Stage]:
+    """Return the stage that evaluates what depends on time; walls move with their velocity in the middle of the step."""
+    if not depends_on_time(spec):
+        return []
+    return [Stage("signals", make_signals(spec), "one", "what depends on time", {"share": 0.5})]
+
+
+def moving_sides(spec: Spec) -> list[Stage]:
+    """Return the stage that gives wall particles the velocity of the sides that they are behind."""
+    if not (spec.walls and spec.varying_sides):
+        return []
+    return [Stage("move_sides", make_move_sides(spec), "wall", "the velocity of a side of the domain depends on time")]
 
 
 def state(spec: Spec) -> Stage:
@@ -144,6 +162,8 @@ def absent(spec: Spec) -> list[Absent]:
         rows.append(Absent("gravity", "gravity is zero"))
     if not spec.body_force:
         rows.append(Absent("body force", "body_force is zero"))
+    if not depends_on_time(spec):
+        rows.append(Absent("signals", "nothing depends on time"))
     if not spec.shifting:
         rows.append(Absent("shift", "numerics.shifting is 0"))
     if not spec.corrected:
