@@ -18,9 +18,9 @@ import warp as wp
 
 from .pair import list_access, separation_of
 from .params import make_params, make_phase
-from .signals import GRAVITY_NEXT, make_forcing
 from .smoothing import make_smoothing
 from .spec import SWEEP_OPTIONS, Spec, types_of
+from .time_signals import GRAVITY_NEXT, make_forcing
 from .weights import make_weights
 
 

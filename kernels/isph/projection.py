@@ -39,9 +39,9 @@ from warpsph.kernels.core.clock import RUNAWAY, STEP
 from warpsph.kernels.core.mirror import NO_WALL, code_shift, make_images, make_sides
 from warpsph.kernels.core.pair import WRAPPED, list_access
 from warpsph.kernels.core.params import make_params, make_phase
-from warpsph.kernels.core.signals import GRAVITY_NEXT, make_forcing
 from warpsph.kernels.core.smoothing import make_smoothing
 from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, types_of
+from warpsph.kernels.core.time_signals import GRAVITY_NEXT, make_forcing
 from warpsph.kernels.core.viscosity import make_viscosity
 from warpsph.kernels.core.weights import make_weights
 

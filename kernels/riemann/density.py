@@ -12,9 +12,9 @@ from warpsph.kernels.core.clock import STEP
 from warpsph.kernels.core.eos import make_eos
 from warpsph.kernels.core.pair import NEAR, WRAPPED, list_access, separation_of
 from warpsph.kernels.core.params import make_params, make_phase
-from warpsph.kernels.core.signals import GRAVITY_NOW, make_forcing
 from warpsph.kernels.core.smoothing import make_smoothing
 from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, types_of
+from warpsph.kernels.core.time_signals import GRAVITY_NOW, make_forcing
 
 from .star import make_jump, make_star
 

@@ -11,9 +11,9 @@ import warp as wp
 
 from warpsph.kernels.core.pair import list_access, separation_of
 from warpsph.kernels.core.params import make_params, make_phase
-from warpsph.kernels.core.signals import GRAVITY_NOW, make_forcing
 from warpsph.kernels.core.smoothing import make_smoothing
 from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, types_of
+from warpsph.kernels.core.time_signals import GRAVITY_NOW, make_forcing
 from warpsph.kernels.core.viscosity import make_viscosity
 
 

@@ -10,13 +10,12 @@ from pydantic import (
     GetJsonSchemaHandler,
     ModelWrapValidatorHandler,
     PrivateAttr,
-    TypeAdapter,
     model_serializer,
     model_validator,
 )
 from pydantic_core import CoreSchema
 
-from warpsph.case.signals import SignalNumber, SignalVector, signal_text
+from warpsph.case.signals import SignalVector, TableSignal, signal_schema, signal_text
 from warpsph.case.values import CaseModel, Vector, WallKind, bad_value, suggestion
 
 AXES = ("x", "y", "z")
@@ -135,7 +134,7 @@ class AxisBoundary(CaseModel):
             "type": "object",
             "properties": {
                 "wall": {"enum": ["no_slip", "free_slip"]},
-                "velocity": {"type": "array", "description": "m/s", "items": TypeAdapter(SignalNumber).json_schema()},
+                "velocity": {"type": "array", "description": "m/s", "items": signal_schema(TableSignal.model_json_schema())},
             },
             "required": ["wall"],
             "additionalProperties": False,

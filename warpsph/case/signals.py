@@ -128,9 +128,13 @@ class SignalRule:
         )
 
     def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
-        number = NumberRule().schema()["anyOf"][0]
-        text = {"type": "string", "description": "arithmetic, or a formula in t", "pattern": formula_pattern(("t",))}
-        return {"anyOf": [number, text, handler(schema)]}
+        return signal_schema(handler(schema))
+
+
+def signal_schema(table: dict[str, Any]) -> dict[str, Any]:
+    """JSON schema of what can be written for a signal, from that of a table."""
+    text = {"type": "string", "description": "arithmetic, or a formula in t", "pattern": formula_pattern(("t",))}
+    return {"anyOf": [{"type": "number"}, text, table]}
 
 
 def signal_text(value: Varying) -> Any:

@@ -73,7 +73,7 @@ class Forcing:
         return max(float(np.linalg.norm(self.largest(side))) for side in self.sides)
 
     def arrays(self) -> tuple[NDArray[np.int32], NDArray[np.float64], NDArray[np.float64]]:
-        """All signals as a device reads them, in the order of `kernels/core/signals.py`; see `signal_tables.joined`."""
+        """All signals as a device reads them, in the order of `kernels/core/time_signals.py`; see `signal_tables.joined`."""
         return joined([*self.gravity, *self.body_force, *(part for side in self.sides for part in side)])
 
 

@@ -9,8 +9,8 @@ import dataclasses
 
 from warpsph.engine.program import Absent, BuildList, Node, Program, Solve, Stage, Substeps
 from warpsph.kernels.core.clock import make_advance
-from warpsph.kernels.core.signals import depends_on_time, make_signals
 from warpsph.kernels.core.spec import Spec
+from warpsph.kernels.core.time_signals import depends_on_time, make_signals
 from warpsph.kernels.core.wall import make_wall
 from warpsph.kernels.isph.diffusion import make_diffusion
 from warpsph.kernels.isph.pressure import make_accept, make_assemble, make_correct

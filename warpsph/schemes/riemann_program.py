@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from warpsph.engine.program import Absent, BuildList, KeepList, Node, Program, Rarely, Stage
 from warpsph.kernels.core.clock import make_advance
-from warpsph.kernels.core.signals import depends_on_time, make_move_sides, make_signals
 from warpsph.kernels.core.spec import Spec
+from warpsph.kernels.core.time_signals import depends_on_time, make_move_sides, make_signals
 from warpsph.kernels.core.wall import make_wall
 from warpsph.kernels.riemann.contact import make_contact
 from warpsph.kernels.riemann.density import make_continuity, make_state
