@@ -33,6 +33,16 @@ def no_slip(spec: Spec) -> bool:
     return spec.wall_no_slip
 
 
+def depths(spec: Spec) -> bool:
+    """Runs in which wall particles know how far behind the surface they are."""
+    return spec.wall_no_slip or spec.bodies
+
+
+def bodies(spec: Spec) -> bool:
+    """Runs with bodies, whose surfaces do not follow the lattice."""
+    return spec.bodies
+
+
 def shifting(spec: Spec) -> bool:
     """Runs that shift particles."""
     return spec.shifting
@@ -107,7 +117,15 @@ FLOW: tuple[Field, ...] = (
     Field("shift", "vec", "fluid", True, shifting, "m", "shift to apply in the next drift"),
     Field("carried", "vec", "fluid", True, shifting, "m/s", "change of velocity that belongs to the shift"),
     Field("slip", "uint8", "wall", True, no_slip, "-", "1 on free-slip walls"),
-    Field("wall_depth", "real", "wall", True, no_slip, "m", "distance of a wall particle from the surface; 0: unknown"),
+    Field("wall_depth", "real", "wall", True, depths, "m", "distance of a wall particle from the surface; 0: unknown"),
+    Field("wall_normal", "vec", "wall", True, bodies, "-", "unit vector from the wall into the fluid, at the foot"),
+    Field("wall_area", "real", "wall", True, bodies, "m^(d-1)", "of the surface before a particle of the first layer"),
+    Field("boundary_volume", "real", "wall", True, bodies, "m^d", "volume of a wall particle"),
+    Field("leader", "int32", "wall", True, bodies, "-", "number among the walls of the first-layer particle at the foot"),
+    Field("row_of_wall", "int32", "wall", False, bodies, "-", "present row, among the walls, of each by its number"),
+    Field("surface_pressure", "real", "wall", False, bodies, "Pa", "of the fluid at the foot, for the first layer"),
+    Field("surface_gradient", "vec", "wall", False, bodies, "Pa/m", "of the pressure there"),
+    Field("surface_shear", "mat", "wall", False, bodies, "1/s", "velocity gradient there, [a, b] = d v_a / d x_b"),
     Field("mirror_velocity", "vec", "wall", True, no_slip, "m/s", "velocity that friction on the wall sees"),
 )
 """fields of a scheme of fluid flow"""

@@ -28,6 +28,7 @@ class Spec:
         multiphase: more than one fluid phase.
         periodic: per axis, whether it is periodic.
         walls: wall particles exist.
+        bodies: some walls have a surface of their own, see `wall_fit`.
         wall_no_slip: some wall exerts viscous friction (then `viscosity` is not "none").
         viscosity: "none", "morris", "radial" or "paper".
         tension: "none", "pressure_jump" or "body_force".
@@ -63,6 +64,7 @@ class Spec:
     multiphase: bool = False
     periodic: tuple[bool, ...] = (False, False)
     walls: bool = False
+    bodies: bool = False
     wall_no_slip: bool = False
     viscosity: str = "none"
     tension: str = "none"

@@ -91,6 +91,7 @@ def make_continuity(spec: Spec) -> Any:
         velocity: wp.array(dtype=vec),
         state_old: wp.array(dtype=pair),
         rest_volume: wp.array(dtype=real),
+        boundary_volume: wp.array(dtype=real),
         curvature: wp.array(dtype=real),
         interface_weight: wp.array(dtype=real),
         density_excess: wp.array(dtype=real),
@@ -208,7 +209,10 @@ def make_continuity(spec: Spec) -> Any:
                 k += step
                 d = separation(xi, position[j], wrapped, params)
                 r = wp.sqrt(wp.dot(d, d))
-                rate += real(2.0) * slope(r * params.inv_h) * params.wall_volume * wp.dot(vi - velocity[j], d)
+                wall_volume = params.wall_volume
+                if wp.static(spec.bodies):
+                    wall_volume = boundary_volume[j - (particle_count - boundary_volume.shape[0])]
+                rate += real(2.0) * slope(r * params.inv_h) * wall_volume * wp.dot(vi - velocity[j], d)
 
         if wp.static(sided):
             # A heavy particle among light ones takes their pressure at up to twice the rate of one among its own, which is

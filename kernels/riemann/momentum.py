@@ -244,7 +244,10 @@ def make_momentum(spec: Spec) -> Any:
                 k += step
                 d = separation(xi, position[j], wrapped, params)
                 r2 = wp.dot(d, d)
-                f = slope(wp.sqrt(r2) * params.inv_h) * params.wall_volume
+                wall_volume = params.wall_volume
+                if wp.static(spec.bodies):
+                    wall_volume = state[j][1]
+                f = slope(wp.sqrt(r2) * params.inv_h) * wall_volume
                 fd = f * d
                 into_wall += fd
                 beyond = wp.max(wp.abs(d) - half_cell, vec())
@@ -261,7 +264,7 @@ def make_momentum(spec: Spec) -> Any:
                             face_speed[axis] = velocity[j][axis]
                 approach += wp.dot(vi - velocity[j], fd)
                 p_wall = state[j][0]
-                if wp.static(spec.multiphase):
+                if wp.static(spec.multiphase and not spec.bodies):
                     # the one-sided state of this particle's own fluid: extrapolated from several fluids at a contact
                     # line, the wall would pull the light one with the weight of the heavy one
                     p_wall = p_i
@@ -281,7 +284,7 @@ def make_momentum(spec: Spec) -> Any:
                     even += fd
                 if wp.static(spec.room):
                     inside = wp.max(real(1.0) - r2 * params.inv_window, real(0.0))
-                    room += inside * inside * params.wall_volume
+                    room += inside * inside * wall_volume
                 if wp.static(spec.wall_no_slip):
                     if slip[j - fluid_count] == wp.uint8(0):
                         mirror = mirror_velocity[j - fluid_count]

@@ -58,6 +58,8 @@ fluids:
   - {phase: liquid, shape: rest}
 obstacles:
   - {shape: {sphere: {center: [0.7, -0.7], radius: 0.1}}, wall: free_slip, velocity: [0, 0.1], name: block}
+bodies:
+  pin: {shape: {sphere: {center: [0.7, 0.7], radius: 0.1}}, wall: no_slip}
 start:
   noise: 0.1
   seed: 7

@@ -30,6 +30,7 @@ from pydantic import (
     model_validator,
 )
 
+from warpsph.case.bodies import Body
 from warpsph.case.checks import cross_check
 from warpsph.case.domain import AXES, AxisBoundary, Domain
 from warpsph.case.drafts import draft
@@ -104,6 +105,11 @@ class Case(CaseModel):
     )
     obstacles: Annotated[tuple[Obstacle, ...], BeforeValidator(as_list)] = Field(
         default=(), description="solid bodies", examples=["[{shape: {sphere: {center: [0, 0], radius: 1}}}]"]
+    )
+    bodies: Annotated[Mapping[Name, Body], FreezeMapping()] = Field(
+        default_factory=FrozenDict,
+        description="solids by name, with surfaces that do not follow the lattice",
+        examples=["{cylinder: {shape: {sphere: {center: [0, 0], radius: 1}}}}"],
     )
     start: Start = Field(default_factory=Start, description="state at time 0", examples=["{noise: 0.2}"])
     scales: Scales = Field(
@@ -316,8 +322,8 @@ class Case(CaseModel):
 
     @property
     def has_walls(self) -> bool:
-        """Whether there are wall particles: a wall at a side, or an obstacle."""
-        return bool(self.obstacles) or any(
+        """Whether there are wall particles: a wall at a side, an obstacle or a body."""
+        return bool(self.obstacles or self.bodies) or any(
             "wall" in (axis.lower.kind, axis.upper.kind) for axis in self.sides
         )
 

@@ -14,10 +14,12 @@ _SIGNALS = ("gravity", "body_force", "domain", "bodies")  # sections in which a 
 def file_holders(data: Mapping[str, Any]) -> list[tuple[dict[str, Any], str]]:
     """The mappings of a plain case that name a file, and the key that they do it under.
 
-    References have a `file`, signals a `table`.
+    References and shapes of bodies have a `file`, signals a `table`.
     """
     parts = ("curve", "curves", "interface")
     holders = [(entry[part], "file") for entry in data.get("reference", {}).values() for part in parts if part in entry]
+    shapes = [part for body in data.get("bodies", {}).values() for part in body["shape"].values()]
+    holders += [(shape, "file") for shape in shapes if shape.get("file")]
     return holders + [(table, "table") for section in _SIGNALS for table in _tables(data.get(section))]
 
 

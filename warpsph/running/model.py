@@ -40,6 +40,7 @@ from warpsph.start import start_warp
 
 if TYPE_CHECKING:
     from warpsph.case.case import Case
+    from warpsph.scene.wall_cells import Surroundings
 
 
 def quiet_warp(device: str = "cpu") -> None:
@@ -130,9 +131,20 @@ class Model:
             particles.put("wall_depth", np.linalg.norm(beyond, axis=1))
         if "wall_sides" in particles.arrays:
             particles.put("wall_sides", geometry.wall_sides[nf:])
+        if geometry.surface is not None:
+            self._fill_surface(geometry.surface)
         if "slip" in particles.arrays:
             particles.put("slip", geometry.wall_slip[nf:])
         self.scheme.fill(particles, case, geometry, self.physics)
+
+    def _fill_surface(self, surface: Surroundings) -> None:
+        """Put where the surface of the walls is."""
+        particles = self.particles
+        particles.put("wall_depth", surface.depth)
+        particles.put("wall_normal", surface.normal)
+        particles.put("wall_area", surface.area)
+        particles.put("boundary_volume", surface.volume)
+        particles.put("leader", surface.leader)
 
     def _make_stepper(self) -> Stepper:
         """Return the step loop: one clock, and one level of a uniform resolution."""
@@ -157,6 +169,7 @@ class Model:
             "phases": wp.array(phases, dtype=make_phase(spec.precision), device=self.device),
             "tension": wp.array(physics.tension.ravel(), dtype=real, device=self.device),
             "phase_count": len(case.phases),
+            "first_wall_id": self.geometry.fluid_count,
             # with an open side fluid may come to lie beyond a wall over its rim, else nowhere
             "wall_thickness": real(physics.support if case.has_open_sides else 1.0e30),
             **self._solid_cells(),

@@ -5,7 +5,8 @@ pass over this lattice decides what every cell holds:
 
 1. walls: where a side of the domain is a wall, the lattice continues beyond it for as many layers as the
    smoothing kernel reaches, corners included;
-2. obstacles: cells inside an obstacle become wall particles;
+2. obstacles: cells inside an obstacle become wall particles; bodies: their surfaces are sampled whatever the lattice is, and
+   cells nearer to one than half a spacing hold no fluid;
 3. fluids: each remaining cell of the domain gets the phase of the region that contains it, or stays empty.
 
 Where an interface between two phases runs through lattice cells, the start is a *fitted* one (`start.arrangement`): it
@@ -22,11 +23,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from warpsph.errors import CaseError, Problem
-from warpsph.scene.borders import Regions
+from warpsph.scene.body_surfaces import SAME
+from warpsph.scene.borders import Regions, volume_factors
 from warpsph.scene.fluid_regions import EntryAt, chosen_arrangement, fluid_regions, loose_gas, off_lattice
 from warpsph.scene.lattice import Lattice, make_lattice
 from warpsph.scene.start_fluid import fluid_particles, start_pressure, start_velocity
-from warpsph.scene.wall_cells import WallCells
+from warpsph.scene.wall_cells import Surroundings, WallCells
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -54,7 +56,10 @@ class Geometry:
     wall_sides: (n,) uint8, the sides whose velocity a wall particle has: bit 2 axis the lower, 2 axis + 1 the upper one
     boundary_velocity: (n, d), m/s; velocity of the wall, 0 for fluid
     body: (n,) int32, 0 for fluid, k for the k-th wall body
-    body_names: name of the k-th wall body at position k - 1: `x_lower`, `y_upper`, ..., then the obstacles
+    body_names: name of the k-th wall body at position k - 1: `x_lower`, `y_upper`, ..., then the obstacles, then the bodies
+    blocked: number of cells of the domain that hold no fluid, because of obstacles and bodies
+    at_open_side: whether a cell that no obstacle or body takes lies at an open side of the domain
+    surface: where the surface of the walls is, seen from each wall particle; None without bodies
     lattice: the cells that the particles come from; its `lower` and `upper` are where the walls stand
     arrangement: lattice or fitted: what `start.arrangement` came to
     arrangement_reason: why
@@ -72,6 +77,9 @@ class Geometry:
     boundary_velocity: NDArray[np.float64]
     body: NDArray[np.int32]
     body_names: tuple[str, ...]
+    blocked: int
+    at_open_side: bool
+    surface: Surroundings | None
     lattice: Lattice
     arrangement: str = "lattice"
     arrangement_reason: str = ""
@@ -91,6 +99,23 @@ class Geometry:
     def wall_count(self) -> int:
         """Number of wall particles."""
         return self.count - self.fluid_count
+
+
+def either(one: NDArray[np.bool_] | None, other: NDArray[np.bool_] | None) -> NDArray[np.bool_] | None:
+    """Cells of one or the other; None stands for no cells."""
+    if one is None or other is None:
+        return one if other is None else other
+    return one | other
+
+
+def shared_room(regions: Regions, region: NDArray[np.int32]) -> NDArray[np.float64]:
+    """Volume of a particle of each entry over that of a cell, when the cells of `region` share the room of the entry.
+
+    regions: what fills the domain; its entries may have more cells, those that are nearer to a body.
+    """
+    factor = volume_factors(regions)
+    had, has = (np.bincount(cells.ravel() + 1, minlength=len(factor) + 1)[1:] for cells in (regions.entry, region))
+    return np.asarray(factor * had / np.maximum(has, 1))
 
 
 Arrange = Callable[[Regions, int], tuple["NDArray[np.float64]", "NDArray[np.float64]"]]
@@ -117,18 +142,29 @@ def build(case: Case, support: float, unlock: float = 0.0, arrange: Arrange | No
     if not case.scheme.mirrors_sides:
         walls.add_sides()
     walls.add_obstacles(problems)
-    region = fluid_regions(case, lattice, walls.solid_in_domain(), problems)
+    walls.add_bodies(support, problems)
+    obstacles, covered = walls.solid_in_domain(), walls.covered(0.0)[lattice.domain] if case.bodies else None
+    region = fluid_regions(case, lattice, either(obstacles, covered), problems)
     if problems:
         raise CaseError(problems)
 
     phase_index = {name: k for k, name in enumerate(case.phase_names)}
     # The entry appended at the end is what region -1, an empty cell, finds.
     phase_of_region = np.array([*(phase_index[fluid.phase] for fluid in case.fluids), -1], dtype=np.int32)
-    problems += loose_gas(case, lattice, phase_of_region[region], walls.solid_in_domain(), support)
-    regions = Regions(lattice, case.periodic, region, walls.solid_in_domain(), phase_of_region, EntryAt(case))
-    arrangement, reason = chosen_arrangement(case, regions)
+    problems += loose_gas(case, lattice, phase_of_region[region], either(obstacles, covered), support)
+    surfaces = [solid.surface for solid in walls.solids]
+    boundary = np.concatenate([solid.sampling.position for solid in walls.solids]) if walls.solids else None
+    regions = Regions(
+        lattice, case.periodic, region, obstacles, phase_of_region, EntryAt(case, surfaces), covered, boundary
+    )  # fmt: skip
+    cut = [name for name, solid in zip(case.bodies, walls.solids, strict=True) if not solid.on_lattice(case.spacing)]
+    arrangement, reason = chosen_arrangement(case, regions, cut)
     if arrangement == "lattice":
         warnings += off_lattice(case, lattice)
+        if cut:
+            covered = walls.covered(0.5 * case.spacing * (1.0 - SAME))[lattice.domain]
+            region = np.where(covered, np.int32(-1), region)
+    solid = either(obstacles, covered)
     packed = arrange(regions, case.start.seed) if arrange is not None and arrangement == "fitted" else None
     fluid = fluid_particles(case, lattice, region, max(case.start.noise, unlock), None if packed is None else packed[0])
     velocity = start_velocity(case, fluid, problems)
@@ -136,7 +172,7 @@ def build(case: Case, support: float, unlock: float = 0.0, arrange: Arrange | No
     if case.start.pressure is not None:
         rest_density = np.array([*(phase.density for phase in case.phases.values()), 0.0])
         density = rest_density[phase_of_region][region]
-        pressure = start_pressure(case, lattice, density, walls.solid_in_domain(), fluid, problems, warnings)
+        pressure = start_pressure(case, lattice, density, solid, fluid, problems, warnings)
     if problems:
         raise CaseError(problems)
 
@@ -154,6 +190,11 @@ def build(case: Case, support: float, unlock: float = 0.0, arrange: Arrange | No
     volume = np.full(total, lattice.cell_volume)
     if packed is not None:
         volume[:fluids] *= packed[1]
+    elif cut:
+        volume[:fluids] *= shared_room(regions, region)[region[fluid.cells]]
+    surface = walls.surface() if case.bodies else None
+    if surface is not None:
+        volume[fluids:] = surface.volume
     return Geometry(
         position=rows(fluid.position, walls.position, np.float64, vector),
         velocity=rows(velocity, walls.velocity, np.float64, vector),
@@ -166,8 +207,21 @@ def build(case: Case, support: float, unlock: float = 0.0, arrange: Arrange | No
         boundary_velocity=rows(None, walls.velocity, np.float64, vector),
         body=rows(None, walls.body, np.int32),
         body_names=tuple(walls.names),
+        blocked=0 if solid is None else int(np.count_nonzero(solid)),
+        at_open_side=_at_open_side(case, np.ones(lattice.count, np.bool_) if solid is None else ~solid),
+        surface=surface,
         lattice=lattice,
         arrangement=arrangement,
         arrangement_reason=reason,
         warnings=warnings,
     )
+
+
+def _at_open_side(case: Case, free: NDArray[np.bool_]) -> bool:
+    """Whether a free cell of the domain lies at an open side; a hollow body may close a domain whose sides are open."""
+    for axis, sides in enumerate(case.sides):
+        cells = np.moveaxis(free, axis, 0)
+        for side, rim in ((sides.lower, cells[0]), (sides.upper, cells[-1])):
+            if side.kind == "open" and rim.any():
+                return True
+    return False

@@ -114,8 +114,7 @@ def derive(case: Case, geometry: Geometry, row_list: bool = True) -> Physics:
 
 def has_room(case: Case, geometry: Geometry) -> bool:
     """Return whether the fluid leaves room in the domain, so that it has a free surface."""
-    solid = _obstacles_inside(geometry)
-    return case.has_open_sides or geometry.fluid_count + solid < math.prod(geometry.lattice.count)
+    return geometry.at_open_side or geometry.fluid_count + geometry.blocked < math.prod(geometry.lattice.count)
 
 
 def check_periods(case: Case, geometry: Geometry, list_radius: float) -> None:
@@ -132,13 +131,6 @@ def check_periods(case: Case, geometry: Geometry, list_radius: float) -> None:
             problems.append(Problem(f"domain.boundary.{'xyz'[axis]}", "periodic", f"{high - low:.4g} m: {rule}", remedy))
     if problems:
         raise CaseError(problems)
-
-
-def _obstacles_inside(geometry: Geometry) -> int:
-    """Return how many lattice sites of the domain an obstacle takes."""
-    sides = {f"{axis}_{end}" for axis in "xyz" for end in ("lower", "upper")}
-    bodies = [n + 1 for n, name in enumerate(geometry.body_names) if name not in sides]
-    return int(np.isin(geometry.body, bodies).sum())
 
 
 def tension_matrix(case: Case) -> np.ndarray:
@@ -257,7 +249,7 @@ def _dammed_head(case: Case, geometry: Geometry, extent: np.ndarray) -> float:
 
     Along a periodic axis it drives a flow and no pressure, unless a body holds that up: the drop over a period is rho f L.
     """
-    held = [not wraps or bool(case.obstacles) for wraps in case.periodic]
+    held = [not wraps or bool(case.obstacles or case.bodies) for wraps in case.periodic]
     forcing = forcing_of(case)
     return float(np.where(held, np.abs(forcing.largest(forcing.body_force)), 0.0) @ extent)
 

@@ -1,7 +1,8 @@
-"""Wall particles: the layers behind the sides of the domain, and the obstacles."""
+"""Wall particles: the layers behind the sides of the domain, the obstacles, and the bodies."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -9,6 +10,7 @@ import numpy as np
 from warpsph.case.domain import AXES
 from warpsph.case.signals import vector_at
 from warpsph.errors import ExpressionError, Problem
+from warpsph.scene.body_surfaces import Solid, make_solids
 from warpsph.scene.fluid_regions import expression_problem
 from warpsph.scene.lattice import Lattice, points_of
 from warpsph.scene.masks import inside
@@ -19,8 +21,52 @@ if TYPE_CHECKING:
     from warpsph.case.case import Case
 
 
+@dataclass(frozen=True)
+class Surroundings:
+    """The surface of the walls as each wall particle has it before it; n rows.
+
+    normal: (n, d), unit vector from the wall into the fluid, at the foot
+    depth: (n,), distance from the foot, the nearest point of the surface, m
+    area: (n,), area of the surface that a particle of the first layer stands for, 0 for those beneath, m^(d-1)
+    volume: (n,), m^d
+    leader: (n,) int, row of the particle of the first layer that is nearest to the foot
+    """
+
+    normal: NDArray[np.float64]
+    depth: NDArray[np.float64]
+    area: NDArray[np.float64]
+    volume: NDArray[np.float64]
+    leader: NDArray[np.int64]
+
+
+def surroundings_of_sides(position: NDArray[np.float64], lattice: Lattice) -> Surroundings:
+    """The surface of the sides of the domain, seen from the middles (n, d) of cells beyond them, m."""
+    from scipy.spatial import cKDTree
+
+    n = len(position)
+    foot = np.clip(position, lattice.lower, lattice.upper)
+    way = foot - position
+    depth = np.linalg.norm(way, axis=1)
+    normal = way / np.maximum(depth, 1e-300)[:, None]
+    spacing = np.array(lattice.spacing)
+    beyond = np.round(np.abs(way) / spacing + 0.5).astype(int)  # layers behind each side, 0 beside it
+    first = np.flatnonzero(beyond.sum(axis=1) == 1)
+    leader, area = np.zeros(n, dtype=np.int64), np.zeros(n)
+    if len(first):
+        leader = first[cKDTree(foot[first]).query(foot)[1]]
+        area[first] = lattice.cell_volume / (beyond[first] * spacing).sum(axis=1)
+    return Surroundings(normal, depth, area, np.full(n, lattice.cell_volume), leader)
+
+
 class WallCells:
-    """The wall particles of a case: first the sides of the domain, then the obstacles."""
+    """The wall particles of a case: first the sides of the domain, then the obstacles, then the bodies.
+
+    solid: which cells of the lattice sides and obstacles take
+    position, velocity: (n, d), m and m/s
+    slip: (n,) uint8, 1 on free-slip walls
+    body: (n,) int32, number of the wall body, from 1
+    solids: the bodies, in their order
+    """
 
     def __init__(self, case: Case, lattice: Lattice) -> None:
         d = lattice.dimension
@@ -33,13 +79,14 @@ class WallCells:
         self.slip = np.empty(0, dtype=np.uint8)
         self.sides = np.empty(0, dtype=np.uint8)
         self.body = np.empty(0, dtype=np.int32)
+        self.solids: list[Solid] = []
 
     @property
     def count(self) -> int:
         return len(self.body)
 
     def solid_in_domain(self) -> NDArray[np.bool_] | None:
-        """Which cells of the domain are solid; None if none is."""
+        """Which cells of the domain obstacles take; None if there are none."""
         return self.solid[self.lattice.domain] if self.case.obstacles else None
 
     def add_sides(self) -> None:
@@ -127,8 +174,44 @@ class WallCells:
             free = np.full(n, obstacle.wall == "free_slip")
             self._append(cells, velocity, free, np.full(n, len(self.names)), np.zeros(n))
 
+    def add_bodies(self, support: float, problems: list[Problem]) -> None:
+        """Add the boundary particles of the bodies; which cells they take is for `block` to say.
+
+        support: reach of the smoothing kernel, m; the layers are as deep.
+        """
+        self.solids = make_solids(self.case, self.lattice, support, problems)
+        for solid, (name, body) in zip(self.solids, self.case.bodies.items(), strict=False):
+            self.names.append(name)
+            n = solid.sampling.count
+            free = np.full(n, body.wall == "free_slip")
+            still = np.zeros((n, self.lattice.dimension))
+            self._append_at(solid.sampling.position, still, free, np.full(n, len(self.names)), np.zeros(n))
+
+    def covered(self, nearer: float) -> NDArray[np.bool_]:
+        """Cells of the lattice whose middle is in a body or nearer to one than `nearer`, m."""
+        found = np.zeros(self.lattice.shape, dtype=np.bool_)
+        for solid in self.solids:
+            found |= solid.distance < nearer
+        return found
+
+    def surface(self) -> Surroundings:
+        """Where the surface is, seen from each wall particle; see `Surroundings`."""
+        lattice = self.lattice
+        known = sum(solid.sampling.count for solid in self.solids)
+        sides = surroundings_of_sides(self.position[: self.count - known], lattice)
+        parts, first = [sides], len(sides.depth)
+        for solid in self.solids:
+            s = solid.sampling
+            parts.append(Surroundings(s.normal, s.depth, s.area, s.volume, s.leader + first))
+            first += len(s.depth)
+        columns = zip(*((p.normal, p.depth, p.area, p.volume, p.leader) for p in parts), strict=True)
+        return Surroundings(*(np.concatenate(column) for column in columns))
+
     def _append(self, cells: tuple[NDArray[np.intp], ...], velocity: Any, slip: Any, body: Any, sides: Any) -> None:
-        self.position = np.concatenate([self.position, points_of(self.lattice.axes(), cells)])
+        self._append_at(points_of(self.lattice.axes(), cells), velocity, slip, body, sides)
+
+    def _append_at(self, position: Any, velocity: Any, slip: Any, body: Any, sides: Any) -> None:
+        self.position = np.concatenate([self.position, position])
         self.velocity = np.concatenate([self.velocity, velocity])
         self.slip = np.concatenate([self.slip, slip.astype(np.uint8)])
         self.body = np.concatenate([self.body, body.astype(np.int32)])

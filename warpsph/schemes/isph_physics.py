@@ -136,6 +136,7 @@ def derive(case: Case, geometry: Geometry, row_list: bool) -> Physics:
         kernel=numerics.kernel,
         periodic=tuple(case.periodic),
         walls=obstacles,
+        bodies=bool(case.bodies),
         wall_no_slip=viscous and bool((geometry.wall_slip[geometry.kind == 1] == 0).any()),
         viscosity=viscosity,
         corrected=gradient == "corrected",

@@ -135,6 +135,7 @@ def derive(case: Case, geometry: Geometry, row_list: bool = True) -> Physics:
         multiphase=len(phases) > 1,
         periodic=tuple(case.periodic),
         walls=geometry.wall_count > 0,
+        bodies=bool(case.bodies),
         wall_no_slip=viscous and bool((geometry.wall_slip[geometry.kind == 1] == 0).any()),
         viscosity=str(form) if viscous else "none",
         tension=str(tension_form) if has_tension else "none",

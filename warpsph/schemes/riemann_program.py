@@ -11,6 +11,7 @@ from warpsph.kernels.core.clock import make_advance
 from warpsph.kernels.core.spec import Spec
 from warpsph.kernels.core.time_signals import depends_on_time, make_move_sides, make_signals
 from warpsph.kernels.core.wall import make_wall
+from warpsph.kernels.core.wall_fit import make_wall_fit, make_wall_rows, make_wall_values
 from warpsph.kernels.riemann.contact import make_contact
 from warpsph.kernels.riemann.density import make_continuity, make_state
 from warpsph.kernels.riemann.drift import make_drift
@@ -126,6 +127,12 @@ def walls(spec: Spec) -> list[Stage]:
     """Return the stage that continues the flow into the walls."""
     if not spec.walls:
         return []
+    if spec.bodies:
+        return [
+            Stage("wall_rows", make_wall_rows(), "wall", "where the list build has put each wall particle"),
+            Stage("wall_fit", make_wall_fit(spec), "wall", "linear fit of the flow before the walls"),
+            Stage("wall_values", make_wall_values(spec), "wall", "pressure and mirrored velocity of the walls"),
+        ]
     return [Stage("wall_state", make_wall(spec), "wall", "pressure and mirrored velocity of the walls")]
 
 

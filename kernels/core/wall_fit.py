@@ -1,0 +1,181 @@
+"""Walls with a surface of their own: pressure and velocity continued through it along a linear fit (theory: riemann#a5).
+
+At the foot x_s of each particle of the first layer, with weights w_f = W(x_f - x_s) V_f over the fluid and r = x_f - x_s:
+
+    pressure: the least-squares fit p_s + G.r of p_f - rho_f b.r, b = g + f - a_w the acceleration that pressure balances
+    velocity: the least-squares fit v_w + S r of v_f, which is that of the wall at the surface:
+        S = [sum w (v_f - v_w) (x) r] [sum w r (x) r]^-1
+
+A wall particle x behind that foot (its own: x_o) has p = p_s + (G + rho b).(x - x_s) and mirrors v = v_w + S (x - x_o): both
+are exact where the fluid has a linear pressure and a linear velocity, whatever the arrangement of particles.
+Where the fluid is too thin for a fit, G = 0, and S changes along the normal alone.
+"""
+
+import functools
+from typing import Any
+
+import warp as wp
+
+from .pair import list_access, separation_of
+from .params import make_params, make_phase
+from .smoothing import make_smoothing
+from .spec import SWEEP_OPTIONS, Spec, types_of
+
+THIN = 1.0e-3  # determinant of a moment below which it is not inverted, over that of an even half space, per dimension
+
+
+@functools.cache
+def make_wall_rows() -> Any:
+    """Return the kernel that finds the row of each wall particle by its number, which the list build changes."""
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def wall_rows(
+        first: int,
+        fluid_count: int,
+        first_wall_id: int,
+        particle_id: wp.array(dtype=int),
+        row_of_wall: wp.array(dtype=int),
+    ):
+        w = wp.tid() + first
+        row_of_wall[particle_id[w + fluid_count] - first_wall_id] = w
+
+    return wall_rows
+
+
+@functools.cache
+def make_wall_fit(spec: Spec) -> Any:
+    """Return the kernel over wall particles that fits pressure and velocity of the fluid before the first layer."""
+    real, vec, mat, pair = types_of(spec)
+    Params = make_params(spec.dimension, spec.precision)
+    Phase = make_phase(spec.precision)
+    shape, _ = make_smoothing(spec.kernel, spec.precision)
+    separation = separation_of(spec)
+    list_begin, list_step, neighbour, Listed = list_access(spec)
+    thin = THIN**spec.dimension
+
+    @wp.kernel(module="unique", enable_backward=False, module_options=SWEEP_OPTIONS)
+    def wall_fit(
+        first: int,
+        fluid_count: int,
+        particle_count: int,
+        list_width: int,
+        params: Params,
+        phases: wp.array(dtype=Phase),
+        neighbours: Listed,
+        fluid_neighbours: wp.array(dtype=wp.int16),
+        phase: wp.array(dtype=wp.int8),
+        position: wp.array(dtype=vec),
+        velocity: wp.array(dtype=vec),
+        rest_volume: wp.array(dtype=real),
+        state: wp.array(dtype=pair),
+        wall_depth: wp.array(dtype=real),
+        wall_normal: wp.array(dtype=vec),
+        wall_area: wp.array(dtype=real),
+        surface_pressure: wp.array(dtype=real),
+        surface_gradient: wp.array(dtype=vec),
+        surface_shear: wp.array(dtype=mat),
+    ):
+        w = wp.tid() + first
+        if wall_area[w] == real(0.0):
+            return
+        i = w + fluid_count
+        normal = wall_normal[w]
+        foot = position[i] + normal * wall_depth[w]
+        balanced = params.gravity + params.body_force
+        own_velocity = velocity[i]
+        weight = real(0.0)
+        density = real(0.0)
+        p = real(0.0)
+        mean = vec()  # of r
+        slope_p = vec()  # sum w p r
+        square = mat()  # sum w r (x) r
+        shear = mat()  # sum w (v - v_w) (x) r
+        k = list_begin(i, list_width)
+        step = list_step(particle_count)
+        end = k + int(fluid_neighbours[i]) * step
+        while k < end:
+            j = neighbour(neighbours, i, k)
+            k += step
+            r = -separation(foot, position[j], True, params)
+            state_j = state[j]
+            w_j = shape(wp.length(r) * params.inv_h) * state_j[1]
+            own = int(0)
+            if wp.static(spec.multiphase):
+                own = int(phase[j])
+            rho = phases[own].density * rest_volume[j] / state_j[1]
+            p_j = state_j[0] - rho * wp.dot(balanced, r)
+            weight += w_j
+            density += w_j * rho
+            p += w_j * p_j
+            mean += w_j * r
+            slope_p += (w_j * p_j) * r
+            square += wp.outer(r, w_j * r)
+            shear += wp.outer(velocity[j] - own_velocity, w_j * r)
+        gradient = vec()
+        if weight > real(1.0e-20):
+            inv_weight = real(1.0) / weight
+            p = p * inv_weight
+            mean = mean * inv_weight
+            square = square * inv_weight
+            shear = shear * inv_weight
+            spread = square - wp.outer(mean, mean)
+            size = params.spacing * params.spacing
+            limit = real(thin)
+            for _axis in range(wp.static(spec.dimension)):
+                limit = limit * size
+            if wp.determinant(spread) > limit:
+                gradient = wp.inverse(spread) * (slope_p * inv_weight - p * mean)
+            p = p - wp.dot(gradient, mean)
+            if wp.determinant(square) > limit:
+                shear = shear * wp.inverse(square)
+            else:
+                out = wp.max(wp.dot(normal, square * normal), real(1.0e-6) * size)
+                shear = wp.outer(shear * normal / out, normal)
+            gradient += balanced * (density * inv_weight)
+        else:
+            shear = mat()
+        surface_pressure[w] = p
+        surface_gradient[w] = gradient
+        surface_shear[w] = shear
+
+    return wall_fit
+
+
+@functools.cache
+def make_wall_values(spec: Spec) -> Any:
+    """Return the kernel that gives every wall particle the pressure and mirrored velocity of the fit of its leader."""
+    real, vec, mat, pair = types_of(spec)
+    Params = make_params(spec.dimension, spec.precision)
+    separation = separation_of(spec)
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def wall_values(
+        first: int,
+        fluid_count: int,
+        params: Params,
+        row_of_wall: wp.array(dtype=int),
+        leader: wp.array(dtype=int),
+        position: wp.array(dtype=vec),
+        velocity: wp.array(dtype=vec),
+        wall_depth: wp.array(dtype=real),
+        wall_normal: wp.array(dtype=vec),
+        boundary_volume: wp.array(dtype=real),
+        surface_pressure: wp.array(dtype=real),
+        surface_gradient: wp.array(dtype=vec),
+        surface_shear: wp.array(dtype=mat),
+        state: wp.array(dtype=pair),
+        mirror_velocity: wp.array(dtype=vec),
+    ):
+        w = wp.tid() + first
+        i = w + fluid_count
+        lead = row_of_wall[leader[w]]
+        foot = position[lead + fluid_count] + wall_normal[lead] * wall_depth[lead]
+        way = separation(position[i], foot, True, params)
+        p = surface_pressure[lead] + wp.dot(surface_gradient[lead], way)
+        if wp.static(spec.free_surface):
+            p = wp.max(p, real(0.0))  # a wall does not pull on a fluid that may leave it
+        state[i] = pair(p, boundary_volume[w])
+        if wp.static(spec.wall_no_slip):
+            mirror_velocity[w] = velocity[i] - surface_shear[lead] * (wall_normal[w] * wall_depth[w])
+
+    return wall_values
