@@ -24,7 +24,8 @@ import numpy as np
 
 from warpsph.errors import CaseError, Problem
 from warpsph.scene.body_surfaces import SAME
-from warpsph.scene.borders import Regions, volume_factors
+from warpsph.scene.borders import Regions
+from warpsph.scene.cut_cells import free_volumes
 from warpsph.scene.fluid_regions import EntryAt, chosen_arrangement, fluid_regions, loose_gas, off_lattice
 from warpsph.scene.lattice import Lattice, make_lattice
 from warpsph.scene.start_fluid import fluid_particles, start_pressure, start_velocity
@@ -108,16 +109,6 @@ def either(one: NDArray[np.bool_] | None, other: NDArray[np.bool_] | None) -> ND
     return one | other
 
 
-def shared_room(regions: Regions, region: NDArray[np.int32]) -> NDArray[np.float64]:
-    """Volume of a particle of each entry over that of a cell, when the cells of `region` share the room of the entry.
-
-    regions: what fills the domain; its entries may have more cells, those that are nearer to a body.
-    """
-    factor = volume_factors(regions)
-    had, has = (np.bincount(cells.ravel() + 1, minlength=len(factor) + 1)[1:] for cells in (regions.entry, region))
-    return np.asarray(factor * had / np.maximum(has, 1))
-
-
 Arrange = Callable[[Regions, int], tuple["NDArray[np.float64]", "NDArray[np.float64]"]]
 """What makes a fitted arrangement: from the regions and a seed to the way of each fluid particle from the middle of its
 cell (n, d), m, and its volume over that of the cell (n,); particles in the order of their cells."""
@@ -190,8 +181,9 @@ def build(case: Case, support: float, unlock: float = 0.0, arrange: Arrange | No
     volume = np.full(total, lattice.cell_volume)
     if packed is not None:
         volume[:fluids] *= packed[1]
-    elif cut:
-        volume[:fluids] *= shared_room(regions, region)[region[fluid.cells]]
+    elif cut and covered is not None:
+        distances = [solid.surface.signed_distance for solid in walls.solids]
+        volume[:fluids] = free_volumes(lattice, case.periodic, region >= 0, covered, distances)
     surface = walls.surface() if case.bodies else None
     if surface is not None:
         volume[fluids:] = surface.volume
