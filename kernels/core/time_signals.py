@@ -1,12 +1,14 @@
 """Signals on the device: what depends on time, evaluated by one thread in each step (theory: common#signals).
 
 A signal is a piecewise polynomial in float64 (`warpsph/scene/signal_tables.py`). All signals of a run stand one behind the
-other, in this order: the components of gravity, those of the body force, then of the velocity of each side of the domain.
+other, in this order: the components of gravity, of the body force, of the velocity of each side of the domain, then of each
+body that moves the components of its translation, and its angle.
 The stage `signals` opens a step from t to t + dt and writes
 
     forcing         gravity at t, gravity and body force at t + dt, the body force where no wall bears it (`held`)
     impulse         integral of gravity and body force from time 0 to the middle of the step
     side_velocity   of each side of the domain at t + share dt
+    poses           where each body is at t + share dt, and then where each is at t + dt (`moving_bodies`)
 
 Whatever a scheme does at which time reads the entry of that time: in the leapfrog the pressures that the continuity sweep
 compares are those of t, the forces of the momentum sweep those of t + dt, and walls move, like the fluid beside them, with
@@ -19,19 +21,20 @@ from typing import Any
 import warp as wp
 
 from .clock import STEP, TIME
+from .moving_bodies import MIDDLE, make_pose, make_pose_of
 from .params import make_params
 from .spec import Spec, types_of
 
 TERMS = 6  # coefficients of a piece; its integral from time 0 to its begin follows them
 GRAVITY_NOW, GRAVITY_NEXT, BODY_NEXT = 0, 1, 2  # entries of `forcing`
 FORCING_SIZE = 3
-ARRAYS = frozenset({"forcing", "impulse", "side_velocity"})
+ARRAYS = frozenset({"forcing", "impulse", "side_velocity", "poses", "body_pivot", "body_axis", "body_motion"})
 """arrays that are there where something depends on time"""
 
 
 def depends_on_time(spec: Spec) -> bool:
     """Whether a run has signals."""
-    return spec.varying_force or spec.varying_sides
+    return spec.varying_force or spec.varying_sides or spec.moving
 
 
 @functools.cache
@@ -78,12 +81,14 @@ def make_signal_at() -> Any:
 def make_signals(spec: Spec) -> Any:
     """Return the one-thread kernel that evaluates all signals for the step that begins.
 
-    share: at which part of the step the velocities of walls are taken.
+    share: at which part of the step walls have the velocity that is wanted.
     held: 1 on axes along which walls bear a body force, so that it counts as gravity; else 0.
     """
     real, vec, _, _ = types_of(spec)
     dimension = spec.dimension
     signal_at = make_signal_at()
+    Pose = make_pose()
+    pose_of = make_pose_of()
 
     @wp.kernel(module="unique", enable_backward=False)
     def signals(
@@ -96,6 +101,9 @@ def make_signals(spec: Spec) -> Any:
         forcing: wp.array(dtype=vec),
         impulse: wp.array(dtype=wp.float64),
         side_velocity: wp.array(dtype=vec),
+        body_pivot: wp.array(dtype=wp.vec3d),
+        body_axis: wp.array(dtype=wp.vec3d),
+        poses: wp.array(dtype=Pose),
     ):
         now = clock[TIME]
         step = clock[STEP]
@@ -129,6 +137,24 @@ def make_signals(spec: Spec) -> Any:
                     k = wp.static(2 * dimension) + side * wp.static(dimension) + axis
                     v[axis] = real(signal_at(k, moment, signal_first, signal_begin, signal_terms)[1])
                 side_velocity[side] = v
+        if wp.static(spec.moving):
+            count = body_pivot.shape[0]
+            for body in range(count):
+                base = wp.static(2 * dimension * (1 + dimension)) + body * wp.static(dimension + 1)
+                for level in range(2):
+                    moment = now + step
+                    if level == MIDDLE:
+                        moment = now + share * step
+                    way = wp.vec3d()
+                    speed = wp.vec3d()
+                    push = wp.vec3d()
+                    for axis in range(wp.static(dimension)):
+                        found = signal_at(base + axis, moment, signal_first, signal_begin, signal_terms)
+                        way[axis] = found[1]
+                        speed[axis] = found[2]
+                        push[axis] = found[3]
+                    angle = signal_at(base + wp.static(dimension), moment, signal_first, signal_begin, signal_terms)
+                    poses[level * count + body] = pose_of(body_pivot[body], body_axis[body], way, speed, push, angle)
 
     return signals
 

@@ -16,10 +16,12 @@ from typing import Any
 
 import warp as wp
 
+from .moving_bodies import make_pose, make_velocity_at
 from .pair import list_access, separation_of
 from .params import make_params, make_phase
 from .smoothing import make_smoothing
 from .spec import SWEEP_OPTIONS, Spec, types_of
+from .time_signals import GRAVITY_NEXT, make_forcing
 
 HALF_SPACE = {1: 0.07, 2: 0.019, 3: 0.0047}  # determinant of the spread of an even half space, over h^(2d) (Wendland C2)
 THIN = 0.05  # share of it below which the fluid before a foot is too thin for a fit; a right-angled corner has a quarter
@@ -53,6 +55,9 @@ def make_wall_fit(spec: Spec) -> Any:
     shape, _ = make_smoothing(spec.kernel, spec.precision)
     separation = separation_of(spec)
     list_begin, list_step, neighbour, Listed = list_access(spec)
+    gravity_of, body_force_of = make_forcing(spec)
+    velocity_at = make_velocity_at(spec)
+    Pose = make_pose()
     thin = THIN * HALF_SPACE[spec.dimension]
 
     @wp.kernel(module="unique", enable_backward=False, module_options=SWEEP_OPTIONS)
@@ -63,6 +68,11 @@ def make_wall_fit(spec: Spec) -> Any:
         list_width: int,
         params: Params,
         phases: wp.array(dtype=Phase),
+        forcing: wp.array(dtype=vec),
+        body_motion: wp.array(dtype=int),
+        poses: wp.array(dtype=Pose),
+        wall_body: wp.array(dtype=int),
+        wall_acceleration: wp.array(dtype=vec),
         neighbours: Listed,
         fluid_neighbours: wp.array(dtype=wp.int16),
         phase: wp.array(dtype=wp.int8),
@@ -85,8 +95,11 @@ def make_wall_fit(spec: Spec) -> Any:
         i = w + fluid_count
         normal = wall_normal[w]
         foot = position[i] + normal * wall_depth[w]
-        balanced = params.gravity + params.body_force
+        balanced = gravity_of(params, forcing, GRAVITY_NEXT) + body_force_of(params, forcing)
         own_velocity = velocity[i]
+        if wp.static(spec.moving):
+            balanced -= wall_acceleration[w]
+            own_velocity = velocity_at(own_velocity, normal * wall_depth[w], wall_body[w], body_motion, poses)
         weight = real(0.0)
         density = real(0.0)
         p = real(0.0)
@@ -172,6 +185,8 @@ def make_wall_values(spec: Spec) -> Any:
     real, vec, mat, pair = types_of(spec)
     Params = make_params(spec.dimension, spec.precision)
     separation = separation_of(spec)
+    velocity_at = make_velocity_at(spec)
+    Pose = make_pose()
 
     @wp.kernel(module="unique", enable_backward=False)
     def wall_values(
@@ -180,6 +195,9 @@ def make_wall_values(spec: Spec) -> Any:
         params: Params,
         row_of_wall: wp.array(dtype=int),
         leader: wp.array(dtype=int),
+        body_motion: wp.array(dtype=int),
+        poses: wp.array(dtype=Pose),
+        wall_body: wp.array(dtype=int),
         position: wp.array(dtype=vec),
         velocity: wp.array(dtype=vec),
         wall_depth: wp.array(dtype=real),
@@ -205,7 +223,11 @@ def make_wall_values(spec: Spec) -> Any:
         mirror = surface_velocity[lead] + surface_shear[lead] * way
         if wp.static(spec.wall_no_slip):
             if slip[w] == wp.uint8(0):
-                mirror = velocity[i] - surface_shear[lead] * (wall_normal[w] * wall_depth[w])
+                arm = wall_normal[w] * wall_depth[w]
+                own_velocity = velocity[i]
+                if wp.static(spec.moving):
+                    own_velocity = velocity_at(own_velocity, arm, wall_body[w], body_motion, poses)
+                mirror = own_velocity - surface_shear[lead] * arm
         mirror_velocity[w] = mirror
 
     return wall_values

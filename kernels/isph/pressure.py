@@ -66,6 +66,7 @@ def make_assemble(spec: Spec) -> Any:
         surface: wp.array(dtype=wp.uint8),
         position: wp.array(dtype=vec),
         velocity: wp.array(dtype=vec),
+        wall_acceleration: wp.array(dtype=vec),
         velocity_star: wp.array(dtype=vec),
         rest_volume: wp.array(dtype=real),
         pressure: wp.array(dtype=real),
@@ -91,6 +92,7 @@ def make_assemble(spec: Spec) -> Any:
                 unknown[i] = real(0.0)
                 source[i] = real(0.0)
                 return
+        wall_first = particle_count - wall_acceleration.shape[0]
         xi = position[i]
         vi = velocity_star[i]
         wrapped = bool(False)
@@ -164,10 +166,16 @@ def make_assemble(spec: Spec) -> Any:
                 f = slope(wp.sqrt(wp.dot(d, d)) * params.inv_h) * params.wall_volume
                 w = weight * f
                 # an image of this particle: velocity mirrored at that of the wall, pressure in balance with the weight
-                flow += wp.outer(real(2.0) * (velocity[j] + falling - vi), f * d)
                 uneven += w * d
-                if wp.static(spec.gravity):
-                    right -= w * rho * wp.dot(gravity_of(params, forcing, GRAVITY_NEXT), d)
+                if wp.static(spec.moving):
+                    # what pressure balances at a wall that accelerates
+                    borne = gravity_of(params, forcing, GRAVITY_NEXT) - wall_acceleration[j - wall_first]
+                    flow += wp.outer(real(2.0) * (velocity[j] + borne * real(beta) - vi), f * d)
+                    right -= w * rho * wp.dot(borne, d)
+                else:
+                    flow += wp.outer(real(2.0) * (velocity[j] + falling - vi), f * d)
+                    if wp.static(spec.gravity):
+                        right -= w * rho * wp.dot(gravity_of(params, forcing, GRAVITY_NEXT), d)
         divergence = wp.trace(flow * correction[i]) * params.g_norm
         wanted = real(0.0)
         if full:
@@ -274,6 +282,7 @@ def make_correct(spec: Spec) -> Any:
         surface: wp.array(dtype=wp.uint8),
         velocity_star: wp.array(dtype=vec),
         velocity: wp.array(dtype=vec),
+        wall_acceleration: wp.array(dtype=vec),
         velocity_old: wp.array(dtype=vec),
         pressure_gradient: wp.array(dtype=vec),
         lasting_gradient: wp.array(dtype=vec),
@@ -281,6 +290,7 @@ def make_correct(spec: Spec) -> Any:
         maxima: wp.array(dtype=real),
     ):
         i = wp.tid() + first
+        wall_first = particle_count - wall_acceleration.shape[0]
         xi = position[i]
         p_i = pressure[i]
         rho = phases[0].density
@@ -324,7 +334,10 @@ def make_correct(spec: Spec) -> Any:
                     off_wall = d / r
                     wall_speed = velocity[j]
                 p_j = p_i
-                if wp.static(spec.gravity):
+                if wp.static(spec.moving):
+                    borne = gravity_of(params, forcing, GRAVITY_NEXT) - wall_acceleration[j - wall_first]
+                    p_j -= rho * wp.dot(borne, d)
+                elif wp.static(spec.gravity):
                     p_j -= rho * wp.dot(gravity_of(params, forcing, GRAVITY_NEXT), d)
                 f = slope(wp.sqrt(wp.dot(d, d)) * params.inv_h) * params.wall_volume
                 total += (f * (p_j + sign * p_i)) * d

@@ -139,7 +139,7 @@ def make_continuity(spec: Spec) -> Any:
         if wp.static(linear):
             slope_i = pressure_gradient[i]
         elif wp.static(spec.gravity):
-            slope_i = own.density * params.gravity
+            slope_i = own.density * gravity_of(params, forcing, GRAVITY_NOW)
         crowd = real(0.0)  # -sum F V r^2: the dimension inside a fluid, about half of it on a free surface
         k = list_begin(i, list_width)
         step = list_step(particle_count)

@@ -23,7 +23,8 @@ def signal(text: str) -> FormulaSignal:
     return FormulaSignal(compile_expression(text, names=("t",)))
 
 
-SMOOTH = ["sin(2*pi*t)", "t**3 - 2*t", "exp(-t)*cos(3*t)", "tanh(99*(t - 1.3))", "1000 + sin(t)", "1/(2.5 - t)", "sin(99*t)"]
+SMOOTH = ["sin(2*pi*t)", "t**3 - 2*t", "exp(-t)*cos(3*t)", "tanh(99*(t - 1.3))", "1000 + sin(t)", "1/(2.5 - t)"]
+SMOOTH += ["sin(99*t)", "1 - cos(2*t)"]
 OTHERS = ["2**t", "t**t", "arctan2(sin(t), 1 + t)", "hypot(t, 2)", "log(1 + t)", "sqrt(1 + t)", "cosh(t) - sinh(t)*tan(t/5)"]
 CHOSEN = ["abs(t - 1)", "where(t < 1, t**2, 2*t - 1)", "minimum(t, 1)", "maximum(t, 1)", "t % 0.7", "t // 0.5", "(t<1)*t"]
 
@@ -37,9 +38,9 @@ def test_derivatives_are_exact(text):
     def f(x):
         return expression.evaluate(t=x)
 
-    value, first, second = jet_of(expression, "t", t)
+    value, first, second, rounding = jet_of(expression, "t", t)
     size = 1.0 + np.abs(second).max()
-    np.testing.assert_allclose(value, f(t), rtol=1e-14)
+    assert (np.abs(value - f(t)) <= rounding).all() and (rounding < 1e-13 * size).all()
     np.testing.assert_allclose(first, (8 * (f(t + h) - f(t - h)) - f(t + 2 * h) + f(t - 2 * h)) / (12 * h), atol=1e-7 * size)
     np.testing.assert_allclose(second, (f(t + h) - 2 * f(t) + f(t - h)) / h**2, atol=2e-3 * size)
 
@@ -50,7 +51,7 @@ def test_pieces_keep_value_and_two_derivatives(text):
     s = signal(text)
     pieces = pieces_of("x", s, 2.0, ACCELERATION)
     t = np.random.default_rng(1).uniform(1.0, 2.0, 5000)
-    for order, exact in enumerate(jet_of(s.expression, "t", t)):
+    for order, exact in enumerate(jet_of(s.expression, "t", t)[:3]):
         rounding = 1e-13 * np.abs(exact).max() + (1e-7 if order == 2 and text.startswith("1000") else 0.0)
         assert np.abs(pieces.at(t, order) - exact).max() < 4 * TOLERANCE[order] * np.abs(exact).max() + rounding, order
 

@@ -1,8 +1,9 @@
 """Value, first and second derivative of an expression in one variable, exact: jets carried through its tree.
 
-A jet is the triple (f, f', f'') of a part of the expression, arrays over the points. Every rule is the chain rule twice:
-for g(u) it is (g, g' u', g'' u'^2 + g' u''). Where a part is chosen (`where`, `minimum`, `abs`, comparisons) the derivatives
-are those of the part that was chosen; a jump has derivative 0 on both sides.
+A jet is (f, f', f'', e) of a part of the expression, arrays over the points. Every rule is the chain rule twice: for g(u) it
+is (g, g' u', g'' u'^2 + g' u''). Where a part is chosen (`where`, `minimum`, `abs`, comparisons) the derivatives are those
+of the part that was chosen; a jump has derivative 0 on both sides. e bounds what rounding has made of f, in units of the
+rounding of 1: each operation adds its own to what it hands on of its operands, so that 1 - cos(t) knows how poor it is.
 """
 
 from __future__ import annotations
@@ -18,48 +19,55 @@ from warpsph.case.expressions import CONSTANTS, Expression
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-Jet = tuple[Any, Any, Any]
+Jet = tuple[Any, Any, Any, Any]
 
 
 def jet_of(expression: Expression, name: str, at: ArrayLike) -> NDArray[np.float64]:
-    """Value, first and second derivative by the variable `name`, float64 (3, ...) for points of shape (...).
+    """Value, first and second derivative by the variable `name`, and rounding of the value: (4, ...) for points (...).
 
     Where the expression has none (sqrt(t) at 0) the numbers are infinite or nan.
 
     Raises KeyError if the expression has other variables.
     """
     points = np.asarray(at, dtype=np.float64)
-    seed = (points, np.ones_like(points), np.zeros_like(points))
+    seed = (points, np.ones_like(points), np.zeros_like(points), np.abs(points))
     with np.errstate(all="ignore"):
         jet = _jet(expression.tree, {name: seed})
-    return np.array([np.broadcast_to(part, points.shape) for part in jet], dtype=np.float64)
+    found = np.array([np.broadcast_to(part, points.shape) for part in jet], dtype=np.float64)
+    found[3] *= np.finfo(np.float64).eps
+    return found
 
 
 def _constant(value: Any) -> Jet:
-    return value, 0.0, 0.0
+    return value, 0.0, 0.0, np.abs(value)
 
 
 def _chain(u: Jet, g: Any, g1: Any, g2: Any) -> Jet:
     """g(u) from g and its derivatives at u."""
-    return g, g1 * u[1], g2 * u[1] ** 2 + g1 * u[2]
+    return g, g1 * u[1], g2 * u[1] ** 2 + g1 * u[2], np.abs(g1) * u[3] + np.abs(g)
 
 
 def _choose(condition: Any, a: Jet, b: Jet) -> Jet:
-    return np.where(condition, a[0], b[0]), np.where(condition, a[1], b[1]), np.where(condition, a[2], b[2])
+    f, f1, f2, e = (np.where(condition, one, other) for one, other in zip(a, b, strict=True))
+    return f, f1, f2, e
 
 
 def _add(a: Jet, b: Jet, sign: float = 1.0) -> Jet:
-    return a[0] + sign * b[0], a[1] + sign * b[1], a[2] + sign * b[2]
+    f = a[0] + sign * b[0]
+    return f, a[1] + sign * b[1], a[2] + sign * b[2], a[3] + b[3] + np.abs(f)
 
 
 def _multiply(a: Jet, b: Jet) -> Jet:
-    return a[0] * b[0], a[1] * b[0] + a[0] * b[1], a[2] * b[0] + 2.0 * a[1] * b[1] + a[0] * b[2]
+    f = a[0] * b[0]
+    rounding = np.abs(a[0]) * b[3] + np.abs(b[0]) * a[3] + np.abs(f)
+    return f, a[1] * b[0] + a[0] * b[1], a[2] * b[0] + 2.0 * a[1] * b[1] + a[0] * b[2], rounding
 
 
 def _divide(a: Jet, b: Jet) -> Jet:
     q = a[0] / b[0]
     q1 = (a[1] - q * b[1]) / b[0]
-    return q, q1, (a[2] - 2.0 * q1 * b[1] - q * b[2]) / b[0]
+    rounding = (a[3] + np.abs(q) * b[3]) / np.abs(b[0]) + np.abs(q)
+    return q, q1, (a[2] - 2.0 * q1 * b[1] - q * b[2]) / b[0], rounding
 
 
 def _power(a: Jet, b: Jet) -> Jet:
@@ -80,13 +88,15 @@ def _arctan2(y: Jet, x: Jet) -> Jet:
     square = x[0] ** 2 + y[0] ** 2
     first = (x[0] * y[1] - y[0] * x[1]) / square
     second = (x[0] * y[2] - y[0] * x[2] - first * 2.0 * (x[0] * x[1] + y[0] * y[1])) / square
-    return np.arctan2(y[0], x[0]), first, second
+    f = np.arctan2(y[0], x[0])
+    return f, first, second, (np.abs(x[0]) * y[3] + np.abs(y[0]) * x[3]) / square + np.abs(f)
 
 
 def _hypot(a: Jet, b: Jet) -> Jet:
     f = np.hypot(a[0], b[0])
     first = (a[0] * a[1] + b[0] * b[1]) / f
-    return f, first, (a[1] ** 2 + a[0] * a[2] + b[1] ** 2 + b[0] * b[2] - first**2) / f
+    second = (a[1] ** 2 + a[0] * a[2] + b[1] ** 2 + b[0] * b[2] - first**2) / f
+    return f, first, second, (np.abs(a[0]) * a[3] + np.abs(b[0]) * b[3]) / f + f
 
 
 def _tan(u: Jet) -> Jet:
@@ -149,7 +159,7 @@ def _jet(node: ast.expr, variables: dict[str, Jet]) -> Jet:
             return _constant(np.where(_jet(operand, variables)[0] != 0.0, 0.0, 1.0))
         case ast.UnaryOp(op=op, operand=operand):
             jet = _jet(operand, variables)
-            return (-jet[0], -jet[1], -jet[2]) if isinstance(op, ast.USub) else jet
+            return (-jet[0], -jet[1], -jet[2], jet[3]) if isinstance(op, ast.USub) else jet
         case ast.BinOp(op=op, left=left, right=right):
             return _OPERATORS[type(op)](_jet(left, variables), _jet(right, variables))
         case ast.BoolOp(op=op, values=values):

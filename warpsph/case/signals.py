@@ -15,7 +15,7 @@ import functools
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, TypeGuard
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -146,7 +146,7 @@ SignalNumber = Annotated[Varying, SignalRule()]
 SignalVector = Annotated[tuple[SignalNumber, ...], Field(min_length=1), BeforeValidator(as_list)]
 
 
-def is_signal(value: Any) -> bool:
+def is_signal(value: Any) -> TypeGuard[Signal]:
     """Whether a value depends on time."""
     return isinstance(value, FormulaSignal | TableSignal)
 
@@ -181,6 +181,9 @@ def signals_of(case: Any) -> Iterator[tuple[str, Signal]]:
         for end in ("lower", "upper"):
             velocity = getattr(getattr(case.domain.boundary, axis), end).velocity
             entries += [(f"domain.boundary.{axis}.{end}.velocity.{k}", value) for k, value in enumerate(velocity)]
+    for name, body in case.bodies.items():
+        if body.motion is not None:
+            entries += [(f"bodies.{name}.motion.{key}", value) for key, value in body.motion.signals()]
     yield from ((path, value) for path, value in entries if is_signal(value))
 
 

@@ -23,6 +23,7 @@ from warpsph.errors import WarpsphError
 from warpsph.kernels.core import clock as ck
 from warpsph.kernels.core.leaks import LARGEST, LAST
 from warpsph.kernels.core.mirror import FREE_SLIP, NO_SLIP, NO_WALL, make_sides
+from warpsph.kernels.core.moving_bodies import make_pose
 from warpsph.kernels.core.params import make_params, make_phase
 from warpsph.kernels.core.smoothing import KERNELS, window_integral
 from warpsph.kernels.core.spec import types_of
@@ -142,6 +143,9 @@ class Model:
         particles = self.particles
         particles.put("wall_depth", surface.depth)
         particles.put("wall_normal", surface.normal)
+        if "home" in particles.arrays:
+            particles.put("home", self.geometry.position[self.geometry.fluid_count :])
+            particles.put("home_normal", surface.normal)
         particles.put("wall_area", surface.area)
         particles.put("boundary_volume", surface.volume)
         particles.put("leader", surface.leader)
@@ -297,12 +301,27 @@ class Model:
             "forcing": wp.zeros(FORCING_SIZE, dtype=vec, device=device),
             "impulse": wp.zeros(spec.dimension, dtype=wp.float64, device=device),
             "side_velocity": self._kept_sides.velocity,  # the mirrors of a scheme that has some move at once
+            **self._motions(),
+        }
+
+    def _motions(self) -> dict[str, Any]:
+        """Return what the motions of bodies are made of, by kernel argument."""
+        tracks, device = self.forcing.tracks, self.device
+        number = {track.name: k for k, track in enumerate(tracks)}
+        of_body = [-1, *(number.get(name, -1) for name in self.geometry.body_names)]
+        pivots = [[*track.pivot, 0.0][:3] for track in tracks]
+        return {
+            "body_pivot": wp.array(np.reshape(pivots, (-1, 3)), dtype=wp.vec3d, device=device),
+            "body_axis": wp.array(np.reshape([track.axis for track in tracks], (-1, 3)), dtype=wp.vec3d, device=device),
+            "body_motion": wp.array(of_body, dtype=int, device=device),
+            "poses": wp.zeros(2 * len(tracks), dtype=make_pose(), device=device),
         }
 
     def _solid_cells(self) -> dict[str, Any]:
-        """Return which cells of the domain a body fills, by kernel argument; no cells if there is no body."""
-        lattice = self.geometry.lattice
-        walls = self.geometry.position[self.geometry.kind == 1]
+        """Return which cells of the domain a body fills that stays there, by kernel argument; no cells if there is none."""
+        lattice, names = self.geometry.lattice, self.geometry.body_names
+        moving = [names.index(track.name) + 1 for track in self.forcing.tracks]
+        walls = self.geometry.position[(self.geometry.kind == 1) & ~np.isin(self.geometry.body, moving)]
         index = np.floor((walls - np.array(lattice.lower)) / np.array(lattice.spacing)).astype(int)
         inside = ((index >= 0) & (index < np.array(lattice.count))).all(axis=1)
         cells = np.zeros(lattice.count if inside.any() else 0, dtype=np.uint8)

@@ -12,7 +12,8 @@ from warpsph.errors import CaseError, Problem
 from warpsph.kernels.core.smoothing import KERNELS
 from warpsph.kernels.core.spec import Spec
 from warpsph.scene.feasibility import checked
-from warpsph.scene.forcing import forcing_of
+from warpsph.scene.forcing import Forcing, forcing_of
+from warpsph.scene.signal_tables import ACCELERATION, RATE
 
 if TYPE_CHECKING:
     from warpsph.case.case import Case
@@ -196,6 +197,9 @@ def flow_scales(
     speed = float(np.sqrt((geometry.velocity[fluid] ** 2).sum(axis=1)).max(initial=0.0))
     wall_speed = float(np.sqrt((geometry.boundary_velocity**2).sum(axis=1)).max(initial=0.0))
     wall_speed = max(wall_speed, forcing.side_speed())  # of mirrors too, which are no particles
+    reach = body_reach(forcing, geometry)
+    wall_speed = max(wall_speed, forcing.body_bound(RATE, reach))
+    seen += float(density.max()) * forcing.body_bound(ACCELERATION, reach) * float(extent.max())
     length = float(extent.min())
     driven = 0.0
     drive = float(np.linalg.norm(forcing.largest(forcing.body_force)))
@@ -218,6 +222,15 @@ def flow_scales(
     if case.scales.pressure != "auto":
         seen = np.full(len(phases), scales["pressure"])
     return scales, seen
+
+
+def body_reach(forcing: Forcing, geometry: Geometry) -> dict[str, float]:
+    """Return the distance of the farthest particle of each moving body from its pivot [m], by name."""
+    reach = {}
+    for track in forcing.tracks:
+        rows = geometry.body == geometry.body_names.index(track.name) + 1
+        reach[track.name] = float(np.linalg.norm(geometry.position[rows] - track.pivot, axis=1).max(initial=0.0))
+    return reach
 
 
 def _weight_above(case: Case, geometry: Geometry, extent: np.ndarray, axis: int, g: float) -> np.ndarray:

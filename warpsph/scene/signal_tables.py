@@ -42,7 +42,7 @@ DEEPEST = 26  # halvings of an octave after which a straight line takes the plac
 TOLERANCE = (1e-10, 1e-9, 1e-8)  # of value, first and second derivative, over the largest in the octave
 MOST_PIECES = 2**20
 INSIDE = 2.0**-20  # distance from its end at which a piece looks at the formula, over its width
-ROUNDING = 64 * np.finfo(np.float64).eps
+ROUNDING = 16.0  # times what the formula knows of its own rounding: what differences of values make of it
 # where a piece is tested, over its width: nowhere that a half of it has an end
 TESTED = np.array([0.045, 0.17, 0.29, 0.43, 0.56, 0.69, 0.83, 0.955])
 
@@ -182,7 +182,7 @@ def _first_parts(expression: Expression, end_time: float) -> _Parts:
     low, whole = np.array(octaves[:-1]), np.diff(octaves)
     begin = low[:, None] + whole[:, None] * np.arange(FEWEST) / FEWEST
     points = begin[:, :, None] + (whole / FEWEST)[:, None, None] * TESTED
-    found = np.abs(jet_of(expression, "t", points)).reshape(3, len(low), -1)
+    found = np.abs(jet_of(expression, "t", points)[:3]).reshape(3, len(low), -1)
     size = np.where(np.isfinite(found), found, 0.0).max(axis=2)
     width, floor = (np.repeat(part, FEWEST) for part in (whole / FEWEST, whole * 2.0**-DEEPEST))
     return _Parts(begin.ravel(), width, floor, np.repeat(size, FEWEST, axis=1)).select_before(end_time)
@@ -202,8 +202,7 @@ def _fitted(expression: Expression, parts: _Parts, order: int) -> tuple[NDArray[
         better = (of_short[2] < error[2]) | ~np.isfinite(error[2])
         terms[better], error[:, better] = short[better], of_short[:, better]
         good = np.asarray(np.isfinite(terms).all(axis=1))
-        # what rounding of the time makes of a value counts too
-        rounding = ROUNDING * (parts.size[0] + (parts.begin + parts.width) * parts.size[1])
+        rounding = ROUNDING * exact[3].max(axis=1)
         for k in range(order + 1):
             good &= error[k] <= TOLERANCE[k] * parts.size[k] + rounding / parts.width**k
     return terms, good
@@ -229,7 +228,7 @@ def _ends(
     found = []
     with np.errstate(all="ignore"):
         for place, way in ((begin + step, -step), (begin + width - step, step)):
-            f, f1, f2 = jet_of(expression, "t", place)
+            f, f1, f2, _ = jet_of(expression, "t", place)
             found.append(np.array([f + way * f1 + 0.5 * way**2 * f2, f1 + way * f2, f2]))
     return found[0], found[1]
 

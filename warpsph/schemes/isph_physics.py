@@ -144,6 +144,7 @@ def derive(case: Case, geometry: Geometry, row_list: bool) -> Physics:
         body_force=bool(np.any(forcing.driving() != 0)),
         varying_force=forcing.varying_force,
         varying_sides=forcing.varying_sides,
+        moving=bool(forcing.tracks),
         central_force=case.central_force is not None,
         shifting=float(shifting) > 0 or not filled,  # collisions at a free surface come with it
         free_surface=not filled,

@@ -9,6 +9,7 @@ import dataclasses
 
 from warpsph.engine.program import Absent, BuildList, Node, Program, Solve, Stage, Substeps
 from warpsph.kernels.core.clock import make_advance
+from warpsph.kernels.core.moving_bodies import NEXT, make_move_bodies
 from warpsph.kernels.core.spec import Spec
 from warpsph.kernels.core.time_signals import depends_on_time, make_signals
 from warpsph.kernels.core.wall import make_wall
@@ -50,7 +51,7 @@ def first(spec: Spec) -> list[Node]:
 def start(spec: Spec) -> list[Node]:
     """Return the nodes that find the gradient of the start pressure, which the surface stage would overwrite."""
     seen = [stage for stage in look(spec) if stage.name in ("wall_state", "predict")]
-    return [*signals(spec), BuildList("the first list"), *seen, _gradient(spec)[-1]]
+    return [*signals(spec), *bodies(spec), BuildList("the first list"), *seen, _gradient(spec)[-1]]
 
 
 def _gradient(spec: Spec) -> list[Stage]:
@@ -89,7 +90,16 @@ def signals(spec: Spec) -> list[Stage]:
 
 def move(spec: Spec) -> list[Stage]:
     """Return the stage before the neighbour list of the step."""
-    return [Stage("advect", make_advect(spec), "fluid", "moves the particles; the list is built after it")]
+    stages = [Stage("advect", make_advect(spec), "fluid", "moves the particles; the list is built after it")]
+    return [*bodies(spec), *stages]
+
+
+def bodies(spec: Spec) -> list[Stage]:
+    """Return the stage that brings moving bodies to where they are at the end of the step."""
+    if not spec.moving:
+        return []
+    values = {"level": NEXT, "speed": 1, "closing": 1}
+    return [Stage("move_bodies", make_move_bodies(spec), "wall", "bodies at the end of the step", values)]
 
 
 def look(spec: Spec) -> list[Stage]:

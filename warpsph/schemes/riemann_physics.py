@@ -150,6 +150,7 @@ def derive(case: Case, geometry: Geometry, row_list: bool = True) -> Physics:
         body_force=bool(np.any(forcing.driving() != 0)),
         varying_force=forcing.varying_force,
         varying_sides=forcing.varying_sides,
+        moving=bool(forcing.tracks),
         central_force=case.central_force is not None,
         shifting=float(shifting) > 0,
         volume_constraint=bool(constraint),

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from warpsph.engine.program import Absent, BuildList, KeepList, Node, Program, Rarely, Stage
 from warpsph.kernels.core.clock import make_advance
+from warpsph.kernels.core.moving_bodies import MIDDLE, NEXT, make_move_bodies
 from warpsph.kernels.core.spec import Spec
 from warpsph.kernels.core.time_signals import depends_on_time, make_move_sides, make_signals
 from warpsph.kernels.core.wall import make_wall
@@ -39,9 +40,11 @@ def step(spec: Spec) -> list[Node]:
     return [
         *signals(spec),
         *moving_sides(spec),
+        *bodies(spec, MIDDLE, speed=1),
         Stage("kick_drift", make_kick_drift(spec), "fluid", "moves the particles"),
         *sides(spec),
         Stage("continuity", make_continuity(spec), "fluid", "density and pressure from star velocities"),
+        *bodies(spec, NEXT, closing=1),
         *walls(spec),
         *([Rarely(rare)] if rare else []),
         Stage("momentum", make_momentum(spec), "fluid", "acceleration from star pressures"),
@@ -70,6 +73,7 @@ def start(spec: Spec) -> list[Node]:
     """Return the nodes that complete a start: state from density, list, then the acceleration."""
     return [
         *signals(spec),
+        *bodies(spec, NEXT, speed=1, closing=1),
         state(spec),
         BuildList("the first list"),
         *sides(spec),
@@ -91,6 +95,15 @@ def moving_sides(spec: Spec) -> list[Stage]:
     if not (spec.walls and spec.varying_sides):
         return []
     return [Stage("move_sides", make_move_sides(spec), "wall", "the velocity of a side of the domain depends on time")]
+
+
+def bodies(spec: Spec, level: int, speed: int = 0, closing: int = 0) -> list[Stage]:
+    """Return the stage that brings moving bodies to where they are in the middle of the step or at its end."""
+    if not spec.moving:
+        return []
+    reason = "bodies in the middle of the step" if level == MIDDLE else "bodies at the end of the step"
+    values = {"level": level, "speed": speed, "closing": closing}
+    return [Stage("move_bodies", make_move_bodies(spec), "wall", reason, values)]
 
 
 def state(spec: Spec) -> Stage:
