@@ -57,7 +57,7 @@ def check_motion(path: str, motion: Any, dimension: int, folder: Path | None, en
     """Yield what is wrong with a motion: lengths of its vectors, tables, an axis that is none, a start that is elsewhere."""
     for key in ("translation", "pivot", "axis"):
         vector = getattr(motion, key)
-        if vector and len(vector) != dimension:
+        if vector and len(vector) != dimension and (key != "axis" or dimension == 3):
             rule = f"needs {dimension} numbers (dimension: {dimension})"
             yield Problem(f"{path}.{key}", [signal_text(v) for v in vector], rule, f"write e.g. {key}: {[0] * dimension}")
     if dimension == 2 and motion.axis:
