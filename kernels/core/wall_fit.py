@@ -16,9 +16,9 @@ from typing import Any
 
 import warp as wp
 
-from .moving_bodies import make_pose, make_velocity_at
 from .pair import list_access, separation_of
 from .params import make_params, make_phase
+from .poses import make_pose, make_velocity_at
 from .smoothing import make_smoothing
 from .spec import SWEEP_OPTIONS, Spec, types_of
 from .time_signals import GRAVITY_NEXT, make_forcing

@@ -13,7 +13,7 @@ from tests.scenes import case_of
 from tests.unit.test_restart import assert_same_files, assert_same_state, checkpoints
 from warpsph import CaseError, Simulation, run
 from warpsph.kernels.core import clock as ck
-from warpsph.kernels.core.moving_bodies import make_pose, make_pose_of
+from warpsph.kernels.core.poses import make_pose, make_pose_of
 from warpsph.running.model import Model
 
 quiet_warp()

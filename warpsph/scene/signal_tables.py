@@ -70,11 +70,10 @@ class Pieces:
         times = np.asarray(time, dtype=np.float64)
         piece = np.clip(np.searchsorted(self.begin, times, side="right") - 1, 0, None)
         since = times - self.begin[piece]
-        if order < 0:
-            powers = [self.terms[piece, k] * since ** (k + 1) / (k + 1) for k in range(TERMS)]
-            return np.asarray(self.before[piece] + sum(powers))
-        factor = [math.perm(k, order) for k in range(TERMS)]
-        return np.asarray(sum(factor[k] * self.terms[piece, k] * since ** (k - order) for k in range(order, TERMS)))
+        total = np.zeros(times.shape)
+        for k in reversed(range(max(order, 0), TERMS)):
+            total = total * since + self.terms[piece, k] * (math.perm(k, order) if order >= 0 else 1.0 / (k + 1))
+        return np.asarray(total if order >= 0 else self.before[piece] + total * since)
 
     def extremes(self, end: float, order: int = VALUE) -> tuple[float, float]:
         """Least and largest value, or derivative of the order, from 0 to `end` [s], looked for at 8 points a piece."""

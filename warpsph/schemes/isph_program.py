@@ -9,9 +9,11 @@ import dataclasses
 
 from warpsph.engine.program import Absent, BuildList, Node, Program, Solve, Stage, Substeps
 from warpsph.kernels.core.clock import make_advance
-from warpsph.kernels.core.moving_bodies import NEXT, make_move_bodies
+from warpsph.kernels.core.drive import make_signals
+from warpsph.kernels.core.moving_bodies import make_move_bodies
+from warpsph.kernels.core.poses import NEXT
 from warpsph.kernels.core.spec import Spec
-from warpsph.kernels.core.time_signals import depends_on_time, make_signals
+from warpsph.kernels.core.time_signals import depends_on_time
 from warpsph.kernels.core.wall import make_wall
 from warpsph.kernels.isph.diffusion import make_diffusion
 from warpsph.kernels.isph.pressure import make_accept, make_assemble, make_correct
