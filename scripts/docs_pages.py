@@ -480,6 +480,8 @@ def columns(kind: str) -> str:
     keys: dict[str, Any] = {"type": kind, "interval": 0.1}
     units: dict[str, dict[int, str]] = {"time": {2: "s", 3: "s"}}
     for dimension in (2, 3):
+        if kind == "elevation":
+            keys |= {"places": [[0.0] * (dimension - 1), [0.5] * (dimension - 1)]}
         if kind == "points":
             keys |= {"points": [[0.5] * dimension], "fields": ["pressure", "velocity"]}
         elif kind == "line":

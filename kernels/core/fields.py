@@ -58,6 +58,16 @@ def flagged(spec: Spec) -> bool:
     return spec.multiphase or any(spec.periodic)
 
 
+def varying_sides(spec: Spec) -> bool:
+    """Runs in which the velocity of a side of the domain depends on time."""
+    return spec.walls and spec.varying_sides
+
+
+def moving(spec: Spec) -> bool:
+    """Runs in which bodies move."""
+    return spec.moving
+
+
 def changing(spec: Spec) -> bool:
     """Runs in which particles are born or die."""
     return spec.changing
@@ -101,6 +111,10 @@ COMMON: tuple[Field, ...] = (
     Field("particle_id", "int32", "all", True, always, "-", "number given at the start"),
     Field("phase", "int8", "fluid", True, multiphase, "-", "index of the fluid phase"),
     Field("wall_body", "int32", "wall", True, walls, "-", "number of the wall body"),
+    Field("home", "vec", "wall", True, moving, "m", "position at time 0 of a particle of a body"),
+    Field("home_normal", "vec", "wall", True, moving, "-", "normal at time 0"),
+    Field("wall_acceleration", "vec", "wall", True, moving, "m/s^2", "of a particle of a body"),
+    Field("wall_sides", "uint8", "wall", True, varying_sides, "-", "bits: the sides that a wall particle is behind"),
     Field("fluid_neighbours", "int16", "all", False, always, "-", "fluid particles in the list"),
     Field("wall_neighbours", "int16", "fluid", False, walls, "-", "wall particles in the list, after the fluid"),
     Field("flags", "uint8", "all", False, flagged, "-", "bits of `pair`: image, first ring, band"),

@@ -48,6 +48,9 @@ class Spec:
         dissipation: the pressure difference enters the star velocity.
         free_surface: an axis is open, so that wall pressure never pulls.
         scheme: name of the scheme in the registry.
+        varying_force: gravity or body force depends on time, see `signals`.
+        varying_sides: the velocity of a side of the domain does.
+        moving: bodies move.
         changing: particles are born or die.
         mirror: sides of the domain are walls made of mirror images (isph).
         second_order: BDF2 in time instead of the first-order projection (isph).
@@ -87,6 +90,9 @@ class Spec:
     second_order: bool = False
     implicit_viscosity: bool = False
     viscosity_by_axis: bool = False
+    varying_force: bool = False
+    varying_sides: bool = False
+    moving: bool = False
     changing: bool = False
     row_list: bool = True
     wide_list: bool = False

@@ -8,7 +8,8 @@ which is y along the normal n and s at right angles to it:
 
 A wall particle x behind that foot, z behind its own, has p = p_s + (G + rho b).(x - x_s) and mirrors
 v = v_w - S n z + q z^2: both are exact where the fluid has a linear pressure and a linear velocity, whatever the arrangement
-of particles. The quadratic terms make the viscous term beside the surface one of second order; s^2 is there for surfaces that are not plane.
+of particles. The quadratic terms make the viscous term beside the surface one of second order; s^2 is there for surfaces that
+are not plane.
 
 A wall without friction has a velocity along it from the fit of the fluid alone, and a slope that makes no shear stress.
 Where the fluid is too thin for a fit, G = 0, and the velocity changes along the normal alone.
@@ -21,8 +22,10 @@ import warp as wp
 
 from .pair import list_access, separation_of
 from .params import make_params, make_phase
+from .poses import make_pose, make_velocity_at
 from .smoothing import make_smoothing
 from .spec import SWEEP_OPTIONS, Spec, types_of
+from .time_signals import GRAVITY_NEXT, make_forcing
 
 HALF_SPACE = {1: 0.07, 2: 0.019, 3: 0.0047}  # determinant of the spread of an even half space, over h^(2d) (Wendland C2)
 THIN = 0.05  # share of it below which the fluid before a foot is too thin for a fit; a right-angled corner has a quarter
@@ -57,6 +60,9 @@ def make_wall_fit(spec: Spec) -> Any:
     shape, _ = make_smoothing(spec.kernel, spec.precision)
     separation = separation_of(spec)
     list_begin, list_step, neighbour, Listed = list_access(spec)
+    gravity_of, body_force_of = make_forcing(spec)
+    velocity_at = make_velocity_at(spec)
+    Pose = make_pose()
     thin = THIN * HALF_SPACE[spec.dimension]
 
     @wp.kernel(module="unique", enable_backward=False, module_options=SWEEP_OPTIONS)
@@ -67,6 +73,11 @@ def make_wall_fit(spec: Spec) -> Any:
         list_width: int,
         params: Params,
         phases: wp.array(dtype=Phase),
+        forcing: wp.array(dtype=vec),
+        body_motion: wp.array(dtype=int),
+        poses: wp.array(dtype=Pose),
+        wall_body: wp.array(dtype=int),
+        wall_acceleration: wp.array(dtype=vec),
         neighbours: Listed,
         fluid_neighbours: wp.array(dtype=wp.int16),
         phase: wp.array(dtype=wp.int8),
@@ -90,8 +101,11 @@ def make_wall_fit(spec: Spec) -> Any:
         i = w + fluid_count
         normal = wall_normal[w]
         foot = position[i] + normal * wall_depth[w]
-        balanced = params.gravity + params.body_force
+        balanced = gravity_of(params, forcing, GRAVITY_NEXT) + body_force_of(params, forcing)
         own_velocity = velocity[i]
+        if wp.static(spec.moving):
+            balanced -= wall_acceleration[w]
+            own_velocity = velocity_at(own_velocity, normal * wall_depth[w], wall_body[w], body_motion, poses)
         weight = real(0.0)
         density = real(0.0)
         p = real(0.0)
@@ -218,6 +232,8 @@ def make_wall_values(spec: Spec) -> Any:
     real, vec, mat, pair = types_of(spec)
     Params = make_params(spec.dimension, spec.precision)
     separation = separation_of(spec)
+    velocity_at = make_velocity_at(spec)
+    Pose = make_pose()
 
     @wp.kernel(module="unique", enable_backward=False)
     def wall_values(
@@ -226,6 +242,9 @@ def make_wall_values(spec: Spec) -> Any:
         params: Params,
         row_of_wall: wp.array(dtype=int),
         leader: wp.array(dtype=int),
+        body_motion: wp.array(dtype=int),
+        poses: wp.array(dtype=Pose),
+        wall_body: wp.array(dtype=int),
         position: wp.array(dtype=vec),
         velocity: wp.array(dtype=vec),
         wall_depth: wp.array(dtype=real),
@@ -253,8 +272,11 @@ def make_wall_values(spec: Spec) -> Any:
         if wp.static(spec.wall_no_slip):
             if slip[w] == wp.uint8(0):
                 depth = wall_depth[w]
-                mirror = velocity[i] - surface_shear[lead] * (wall_normal[w] * depth)
-                mirror += surface_bend[lead] * (depth * depth)
+                arm = wall_normal[w] * depth
+                own_velocity = velocity[i]
+                if wp.static(spec.moving):
+                    own_velocity = velocity_at(own_velocity, arm, wall_body[w], body_motion, poses)
+                mirror = own_velocity - surface_shear[lead] * arm + surface_bend[lead] * (depth * depth)
         mirror_velocity[w] = mirror
 
     return wall_values

@@ -14,6 +14,7 @@ from warpsph.kernels.core.pair import list_access, separation_of
 from warpsph.kernels.core.params import make_params, make_phase
 from warpsph.kernels.core.smoothing import make_smoothing
 from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, types_of
+from warpsph.kernels.core.time_signals import GRAVITY_NOW, make_forcing
 from warpsph.kernels.core.viscosity import make_viscosity
 
 
@@ -26,6 +27,7 @@ def make_load(spec: Spec) -> Any:
     _, slope = make_smoothing(spec.kernel, spec.precision)
     separation = separation_of(spec)
     list_begin, list_step, neighbour, Listed = list_access(spec)
+    gravity_of, _ = make_forcing(spec)
     form = spec.viscosity if spec.viscosity != "none" else "morris"
     viscous_term = make_viscosity(form, spec.dimension, spec.precision)
 
@@ -37,6 +39,7 @@ def make_load(spec: Spec) -> Any:
         list_width: int,
         params: Params,
         phases: wp.array(dtype=Phase),
+        forcing: wp.array(dtype=vec),
         neighbours: Listed,
         fluid_neighbours: wp.array(dtype=wp.int16),
         phase: wp.array(dtype=wp.int8),
@@ -75,7 +78,8 @@ def make_load(spec: Spec) -> Any:
                 # as in the momentum sweep: each fluid meets the wall with its own one-sided state
                 p_w = state_j[0]
                 if wp.static(spec.gravity):
-                    p_w -= phases[own].density * rest_volume[j] / state_j[1] * wp.dot(params.gravity, d)
+                    g = gravity_of(params, forcing, GRAVITY_NOW)
+                    p_w -= phases[own].density * rest_volume[j] / state_j[1] * wp.dot(g, d)
             f = slope(wp.sqrt(r2) * params.inv_h) * state_j[1] * wall_volume * params.g_norm
             force += ((state_j[0] + p_w + wall_impact[j]) * f) * d
             if wp.static(spec.wall_no_slip):

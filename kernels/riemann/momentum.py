@@ -31,6 +31,7 @@ from warpsph.kernels.core.pair import BAND, NEAR, WRAPPED, list_access, separati
 from warpsph.kernels.core.params import make_params, make_phase
 from warpsph.kernels.core.smoothing import make_smoothing
 from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, types_of
+from warpsph.kernels.core.time_signals import GRAVITY_NEXT, make_forcing
 from warpsph.kernels.core.viscosity import make_viscosity
 
 from .star import make_jump, make_one_sided, make_star
@@ -53,6 +54,7 @@ def make_momentum(spec: Spec) -> Any:
     alone_at_wall, wall_reaction = make_one_sided(spec.dimension, spec.precision)
     viscous = spec.viscosity != "none"
     viscous_term = make_viscosity(spec.viscosity if viscous else "morris", spec.dimension, spec.precision)
+    gravity_of, body_force_of = make_forcing(spec)
     periodic = any(spec.periodic)
     jumps = spec.tension == "pressure_jump"
     body_tension = spec.tension == "body_force"
@@ -78,6 +80,7 @@ def make_momentum(spec: Spec) -> Any:
         phases: wp.array(dtype=Phase),
         tension: wp.array(dtype=real),
         clock: wp.array(dtype=wp.float64),
+        forcing: wp.array(dtype=vec),
         neighbours: Listed,
         fluid_neighbours: wp.array(dtype=wp.int16),
         wall_neighbours: wp.array(dtype=wp.int16),
@@ -294,7 +297,7 @@ def make_momentum(spec: Spec) -> Any:
                     # line, the wall would pull the light one with the weight of the heavy one
                     p_wall = p_i
                     if wp.static(spec.gravity):
-                        p_wall -= rho_i * wp.dot(params.gravity, d)
+                        p_wall -= rho_i * wp.dot(gravity_of(params, forcing, GRAVITY_NEXT), d)
                 if wp.static(spec.corrected):
                     moment -= wp.outer(d, fd)
                     own_sum += (p_wall - p_i) * fd
@@ -382,9 +385,9 @@ def make_momentum(spec: Spec) -> Any:
             if band:
                 a += normal[i] * (tension[own_phase * phases.shape[0] + own_phase] * curvature[i] / rho_i)
         if wp.static(spec.gravity):
-            a += params.gravity
+            a += gravity_of(params, forcing, GRAVITY_NEXT)
         if wp.static(spec.body_force):
-            a += params.body_force
+            a += body_force_of(params, forcing)
         if wp.static(spec.central_force):
             a -= params.pull * (xi - params.center)
         if wp.static(spec.walls):

@@ -22,6 +22,7 @@ BLOCK = {
 }
 FIELDS = ["velocity", "pressure", "volume"]
 WHERE = {
+    "elevation": {"places": [[0.1, 0.1], [0.5, 0.1]]},
     "points": {"points": [[0.1] * 3], "fields": FIELDS},
     "line": {"from": [0.1] * 3, "to": [0.9] * 3, "count": 3, "fields": FIELDS},
 }
@@ -41,6 +42,7 @@ EXPECTED = {
     "wall_force": (
         "|".join(f"force_{axis}{body}" for body in ("", " domain", " ball") for axis in "xyz"), {"N"}
     ),
+    "elevation": ("surface_1|surface_2", {"m"}),
     "points": (SAMPLED.replace(" ", "|"), {"m", "m/s", "Pa", "m^3"}),
     "line": (SAMPLED.replace(" ", "|"), {"m", "m/s", "Pa", "m^3"}),
 }  # fmt: skip
@@ -58,6 +60,7 @@ def test_the_case_knows_the_columns(kind):
 def test_each_type_of_gauge_has_a_model_columns_and_a_measurement():
     assert set(GAUGES) == set(gauges.GAUGES)
     written = {kind: {"type": kind, "interval": 0.1, **WHERE.get(kind, {})} for kind in GAUGES}
+    written["elevation"] |= {"places": [[0.1]]}
     written["points"] |= {"points": [[0.1] * 2]}
     written["line"] |= {"from": [0.1] * 2, "to": [0.9] * 2}
     case = case_of(FULL, gauges=written, reference={})

@@ -61,6 +61,9 @@ def _check_gauge(case: Any, name: Any, gauge: Any) -> Problems:
     elif gauge.type == "interface_length":
         if len(case.phases) < 2:
             yield Problem(f"{path}.type", gauge.type, "needs at least two phases", "delete the gauge")
+    elif gauge.type == "elevation":
+        for position, place in enumerate(gauge.places):
+            yield from guarded(_check_place(case, f"{path}.places.{position}", place))
     elif gauge.type == "points":
         for position, point in enumerate(gauge.points):
             yield from guarded(check_length(case.dimension, f"{path}.points.{position}", point))
@@ -74,6 +77,14 @@ def _check_gauge(case: Any, name: Any, gauge: Any) -> Problems:
                 f"{path}.to", list(gauge.to), "is the same point as from", "use a gauge of type points"
             )
         yield from check_interface_fields(case, f"{path}.fields", gauge.fields)
+
+
+def _check_place(case: Any, path: str, place: Sequence[float]) -> Problems:
+    """A place of an elevation gauge has a coordinate for each axis but the last."""
+    wanted = case.dimension - 1
+    if len(place) != wanted:
+        rule = f"needs {wanted} number{'s' if wanted > 1 else ''} (dimension: {case.dimension}), all axes but the last"
+        yield Problem(path, list(place), rule, f"write e.g. {[0] * wanted}")
 
 
 def _check_faces(case: Any, path: str, gauge: Any) -> Problems:

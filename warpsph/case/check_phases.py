@@ -16,6 +16,7 @@ from warpsph.case.checking import (
 )
 from warpsph.case.domain import AXES
 from warpsph.case.drafts import Problems, guarded
+from warpsph.case.motion import check_motion
 from warpsph.case.shapes import BODY_SHAPES
 from warpsph.case.values import NAME
 from warpsph.errors import MISSING, Problem
@@ -95,6 +96,11 @@ def check_bodies(case: Any, folder: Path | None, _raw: Any) -> Problems:
             yield from check_length(3, f"{path}.translate", body.shape.stl.translate)
             yield from _check_there(folder, path, body.shape.stl.file)
 
+    def motion(name: str, body: Any) -> Problems:
+        if body.motion is not None:
+            yield from check_motion(f"bodies.{name}.motion", body.motion, case.dimension, folder, case.end_time)
+
+    yield from each(motion, list(case.bodies.items()))
     yield from each(check, list(case.bodies.items()))
     yield from each(_check_shape, [(f"bodies.{name}.shape", body) for name, body in case.bodies.items()], case)
 

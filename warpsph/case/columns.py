@@ -186,6 +186,10 @@ def _body_load(body: str, axes: _Names) -> list[Column]:
     ]
 
 
+def _elevation(spec: Any, case: Any, phases: _Names, axes: _Names) -> list[Column]:
+    return [Column(f"surface_{number}", "m") for number in range(1, len(spec.places) + 1)]
+
+
 def _samples(spec: Any, case: Any, phases: _Names, axes: _Names) -> list[Column]:
     result = [Column(axis, "m") for axis in axes]
     for name in spec.fields:
@@ -207,6 +211,7 @@ _COLUMNS: dict[str, Callable[[Any, Any, _Names, _Names], list[Column]]] = {
     "phase_velocity": _phase_velocity,
     "strays": _strays,
     "wall_force": _wall_force,
+    "elevation": _elevation,
     "points": _samples,
     "line": _samples,
 }

@@ -15,7 +15,8 @@ from pydantic import (
 )
 from pydantic_core import CoreSchema
 
-from warpsph.case.values import CaseModel, NumberRule, Vector, WallKind, bad_value, suggestion
+from warpsph.case.signals import SignalVector, TableSignal, signal_schema, signal_text
+from warpsph.case.values import CaseModel, Vector, WallKind, bad_value, suggestion
 
 AXES = ("x", "y", "z")
 
@@ -32,9 +33,9 @@ class Side(CaseModel):
     wall: WallKind | None = Field(
         description="no_slip or free_slip wall; nothing on an open or periodic side"
     )
-    velocity: Vector = Field(
+    velocity: SignalVector = Field(
         default=(),
-        description="velocity of the wall within its own plane, m/s (default zero)",
+        description="velocity of the wall within its own plane, m/s; may depend on time (default zero)",
         examples=["[1, 0]"],
     )
     _periodic: bool = PrivateAttr(default=False)
@@ -79,7 +80,7 @@ class Side(CaseModel):
         if self.kind != "wall":
             return self.kind
         if self.moves:
-            return {"wall": self.wall, "velocity": list(self.velocity)}
+            return {"wall": self.wall, "velocity": [signal_text(value) for value in self.velocity]}
         return "wall" if self.wall == "no_slip" else "free_slip"
 
 
@@ -133,7 +134,7 @@ class AxisBoundary(CaseModel):
             "type": "object",
             "properties": {
                 "wall": {"enum": ["no_slip", "free_slip"]},
-                "velocity": {"type": "array", "description": "m/s", "items": NumberRule().schema()},
+                "velocity": {"type": "array", "description": "m/s", "items": signal_schema(TableSignal.model_json_schema())},
             },
             "required": ["wall"],
             "additionalProperties": False,

@@ -105,6 +105,16 @@ class WallForceGauge(GaugeModel):
     )
 
 
+class ElevationGauge(GaugeModel):
+    """Height of the free surface above given places."""
+
+    type: Literal["elevation"] = Field(description="height of the free surface")
+    places: Annotated[tuple[Vector, ...], Field(min_length=1), BeforeValidator(as_list)] = Field(
+        description="the places: their coordinates but for the last axis, along which the height is measured, m",
+        examples=["[[0], [0.5]]"],
+    )
+
+
 _SampledFields = Annotated[
     tuple[str, ...], Field(min_length=1), field_list(SAMPLED_FIELDS), schema_of_fields(SAMPLED_FIELDS)
 ]
@@ -153,6 +163,7 @@ GAUGES: dict[str, type[GaugeModel]] = {
     "phase_velocity": PhaseVelocityGauge,
     "strays": StraysGauge,
     "wall_force": WallForceGauge,
+    "elevation": ElevationGauge,
     "points": PointsGauge,
     "line": LineGauge,
 }
@@ -205,6 +216,7 @@ Gauge = Annotated[
     | Annotated[PhaseVelocityGauge, Tag("<phase_velocity>")]
     | Annotated[StraysGauge, Tag("<strays>")]
     | Annotated[WallForceGauge, Tag("<wall_force>")]
+    | Annotated[ElevationGauge, Tag("<elevation>")]
     | Annotated[PointsGauge, Tag("<points>")]
     | Annotated[LineGauge, Tag("<line>")],
     Discriminator(_gauge_type),

@@ -11,6 +11,7 @@
 | strays | the name of each phase |
 | interface_length | interface_length |
 | wall_force | force_x ..., and `force_x block` ... for each body |
+| elevation | `surface_1`, `surface_2` ... above each place |
 | points, line | position and fields, one row for each point |
 
 What each looks at is in its `needs`.
@@ -37,6 +38,7 @@ from warpsph.case.columns import OWN_COLUMNS, Column
 from warpsph.case.gauge_models import REGISTERED, GaugeModel
 from warpsph.errors import CaseError, Problem, listed
 from warpsph.files.output import Schedule
+from warpsph.measure.elevation import ElevationGauge
 from warpsph.measure.gauge import Gauge, Needs
 from warpsph.measure.gauge_files import GaugeFile
 from warpsph.measure.phase_gauges import (
@@ -62,6 +64,7 @@ GAUGES: dict[str, type[Gauge]] = {
     "strays": StraysGauge,
     "interface_length": InterfaceLengthGauge,
     "wall_force": WallForceGauge,
+    "elevation": ElevationGauge,
     "points": PointsGauge,
     "line": LineGauge,
 }

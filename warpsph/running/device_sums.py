@@ -12,7 +12,8 @@ import warp as wp
 from warpsph.engine.launch import Bindings, Launcher, Task
 from warpsph.engine.population import Population
 from warpsph.kernels.core import phase_sums
-from warpsph.measure.totals import PhaseSums, Places, Scene, cut_of, no_cuts
+from warpsph.kernels.core.clock import TIME
+from warpsph.measure.totals import Energies, PhaseSums, Places, Scene, cut_of, no_cuts
 
 BLOCKS = {True: 256, False: 65536}  # partial sums of each phase, on a CPU and on a GPU
 FOLDS = {True: 256, False: 1024}  # what is left of them for the host
@@ -86,6 +87,9 @@ class DeviceSums:
             extent = self.scene.upper - self.scene.lower
             self._cuts.assign(_three(np.where(cut, cuts, 0.0)))
             self._periods.assign(_three(np.where(cut, extent, 0.0)))
+        if kind is Energies and self.scene.gravity_varies:
+            self._bindings["scene"] = _device_scene(self.scene, float(self._bindings["clock"].numpy()[TIME]))
+            self._reductions.pop(kind.group, None)
         totals, largest = self._reduce(kind.group)
         if kind is Places:
             self._periods.zero_()
@@ -222,10 +226,10 @@ def _three(values: np.ndarray) -> np.ndarray:
     return padded
 
 
-def _device_scene(scene: Scene) -> Any:
-    """The scene as kernels see it."""
+def _device_scene(scene: Scene, time: float = 0.0) -> Any:
+    """The scene as kernels see it, with gravity as it is at a time [s]."""
     result = phase_sums.make_scene()()
-    result.gravity = wp.vec3d(*_three(scene.gravity))
+    result.gravity = wp.vec3d(*_three(scene.gravity_at(time)))
     result.center = wp.vec3d(*_three(scene.center))
     result.pull = wp.float64(scene.pull)
     result.middle = wp.vec3d(*_three(scene.middle))

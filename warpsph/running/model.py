@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import warp as wp
 
+from warpsph.case.signals import vector_at
 from warpsph.engine.device_clock import DeviceClock
 from warpsph.engine.launch import Launcher
 from warpsph.engine.level import Level
@@ -23,13 +24,16 @@ from warpsph.kernels.core import clock as ck
 from warpsph.kernels.core.leaks import LARGEST, LAST
 from warpsph.kernels.core.mirror import FREE_SLIP, NO_SLIP, NO_WALL, make_sides
 from warpsph.kernels.core.params import make_params, make_phase
+from warpsph.kernels.core.poses import make_pose
 from warpsph.kernels.core.smoothing import KERNELS, window_integral
 from warpsph.kernels.core.spec import types_of
+from warpsph.kernels.core.time_signals import FORCING_SIZE, depends_on_time
 from warpsph.measure.totals import Scene, eos_of_run
 from warpsph.running import memory
 from warpsph.running.device_sums import DeviceSums
 from warpsph.running.state_copy import copy_state
 from warpsph.running.wall_loads import WallLoads
+from warpsph.scene.forcing import forcing_of
 from warpsph.scene.geometry import Geometry, build
 from warpsph.scene.packing import Packer
 from warpsph.scene.physics import Physics, contact_matrix, derive, support_radius
@@ -94,6 +98,7 @@ class Model:
             if refused is not None:
                 raise refused
         self.geometry = geometry if geometry is not None else build(case, support_radius(case))
+        self.forcing = forcing_of(case)
         self.physics: Physics = derive(case, self.geometry, row_list=self.launcher.is_cpu)
         unlock = float(self.physics.choices["unlock"])
         fitted = self.geometry.arrangement == "fitted"
@@ -126,6 +131,8 @@ class Model:
             lattice, wall = geometry.lattice, geometry.position[nf:]
             beyond = np.maximum(np.maximum(np.array(lattice.lower) - wall, wall - np.array(lattice.upper)), 0.0)
             particles.put("wall_depth", np.linalg.norm(beyond, axis=1))
+        if "wall_sides" in particles.arrays:
+            particles.put("wall_sides", geometry.wall_sides[nf:])
         if geometry.surface is not None:
             self._fill_surface(geometry.surface)
         if "slip" in particles.arrays:
@@ -137,6 +144,9 @@ class Model:
         particles = self.particles
         particles.put("wall_depth", surface.depth)
         particles.put("wall_normal", surface.normal)
+        if "home" in particles.arrays:
+            particles.put("home", self.geometry.position[self.geometry.fluid_count :])
+            particles.put("home_normal", surface.normal)
         particles.put("wall_area", surface.area)
         particles.put("boundary_volume", surface.volume)
         particles.put("leader", surface.leader)
@@ -163,6 +173,7 @@ class Model:
         return {
             "params": params,
             "sides": self._sides(),
+            **self._signals(),
             "phases": wp.array(phases, dtype=make_phase(spec.precision), device=self.device),
             "tension": wp.array(physics.tension.ravel(), dtype=real, device=self.device),
             "phase_count": len(case.phases),
@@ -203,8 +214,9 @@ class Model:
         params.box = vec(*box)
         # an axis without period never wraps: its half period is out of reach
         params.half_box = vec(*(0.5 * b if b > 0 else 1.0e30 for b in box))
-        params.gravity = vec(*map(float, case.gravity))
-        params.body_force = vec(*map(float, case.body_force))
+        balanced, driving = self.forcing.start()
+        params.gravity = vec(*map(float, balanced))
+        params.body_force = vec(*map(float, driving))
         params.tiny = (1.0e-6 * h) ** 2
         params.center = vec(*map(float, case.central_force.center if case.central_force else [0.0] * d))
         params.pull = case.central_force.rate ** 2 if case.central_force else 0.0
@@ -283,16 +295,48 @@ class Model:
             for side in (axis.lower, axis.upper):
                 wall = side.kind == "wall"
                 kinds.append((FREE_SLIP if side.wall == "free_slip" else NO_SLIP) if wall else NO_WALL)
-                speeds.append(list(side.velocity) if wall and side.velocity else [0.0] * spec.dimension)
+                speeds.append(vector_at(side.velocity) if wall and side.velocity else [0.0] * spec.dimension)
         sides.kind = wp.array(kinds, dtype=int, device=self.device)
         sides.velocity = wp.array(np.array(speeds), dtype=vec, device=self.device)
         self._kept_sides = sides  # the arrays in it live as long as this
         return sides
 
+    def _signals(self) -> dict[str, Any]:
+        """Return what the stage `signals` reads and writes, by kernel argument; nothing where nothing depends on time."""
+        spec, device = self.physics.spec, self.device
+        if not depends_on_time(spec):
+            return {}
+        vec = types_of(spec).vec
+        first, begin, terms = self.forcing.arrays()
+        return {
+            "held": vec(*map(float, self.forcing.held)),
+            "signal_first": wp.array(first, dtype=int, device=device),
+            "signal_begin": wp.array(begin, dtype=wp.float64, device=device),
+            "signal_terms": wp.array(terms, dtype=wp.float64, device=device),
+            "forcing": wp.zeros(FORCING_SIZE, dtype=vec, device=device),
+            "impulse": wp.zeros(spec.dimension, dtype=wp.float64, device=device),
+            "side_velocity": self._kept_sides.velocity,  # the mirrors of a scheme that has some move at once
+            **self._motions(),
+        }
+
+    def _motions(self) -> dict[str, Any]:
+        """Return what the motions of bodies are made of, by kernel argument."""
+        tracks, device = self.forcing.tracks, self.device
+        number = {track.name: k for k, track in enumerate(tracks)}
+        of_body = [-1, *(number.get(name, -1) for name in self.geometry.body_names)]
+        pivots = [[*track.pivot, 0.0][:3] for track in tracks]
+        return {
+            "body_pivot": wp.array(np.reshape(pivots, (-1, 3)), dtype=wp.vec3d, device=device),
+            "body_axis": wp.array(np.reshape([track.axis for track in tracks], (-1, 3)), dtype=wp.vec3d, device=device),
+            "body_motion": wp.array(of_body, dtype=int, device=device),
+            "poses": wp.zeros(2 * len(tracks), dtype=make_pose(), device=device),
+        }
+
     def _solid_cells(self) -> dict[str, Any]:
-        """Return which cells of the domain a body fills, by kernel argument; no cells if there is no body."""
-        lattice = self.geometry.lattice
-        walls = self.geometry.position[self.geometry.kind == 1]
+        """Return which cells of the domain a body fills that stays there, by kernel argument; no cells if there is none."""
+        lattice, names = self.geometry.lattice, self.geometry.body_names
+        moving = [names.index(track.name) + 1 for track in self.forcing.tracks]
+        walls = self.geometry.position[(self.geometry.kind == 1) & ~np.isin(self.geometry.body, moving)]
         index = np.floor((walls - np.array(lattice.lower)) / np.array(lattice.spacing)).astype(int)
         inside = ((index >= 0) & (index < np.array(lattice.count))).all(axis=1)
         cells = np.zeros(lattice.count if inside.any() else 0, dtype=np.uint8)

@@ -128,6 +128,8 @@ class StateCopy:
         result[: len(arrays[source])] = arrays[source]
         if name == "position":
             result[:nf] += arrays["offset"]
+            if spec.moving:
+                result[nf:] = arrays["position"][nf:]
         if name == "velocity" and model.scheme.staggered:
             result[:nf] += 0.5 * self.dt * arrays["acceleration"].astype(np.float64)
         return result
@@ -154,6 +156,8 @@ def copy_state(model: Model, wanted: Iterable[str] = EVERYTHING, rows: np.ndarra
     if spec.tension == "none":
         names -= {"normal", "curvature"}
     names |= {"phase", "alive", *model.scheme.shown}
+    if spec.moving and "position" in wanted:
+        names |= {"position"}
     present = sorted(names & particles.arrays.keys())
     if rows is not None:
         chosen: Any = wp.array(rows, dtype=int, device=model.device)

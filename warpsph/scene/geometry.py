@@ -54,6 +54,7 @@ class Geometry:
     volume: (n,), m^d
     pressure: (n,), Pa, without the background pressure; 0 for walls
     wall_slip: (n,) uint8, 1 on free-slip walls
+    wall_sides: (n,) uint8, the sides whose velocity a wall particle has: bit 2 axis the lower, 2 axis + 1 the upper one
     boundary_velocity: (n, d), m/s; velocity of the wall, 0 for fluid
     body: (n,) int32, 0 for fluid, k for the k-th wall body
     body_names: name of the k-th wall body at position k - 1: `x_lower`, `y_upper`, ..., then the bodies
@@ -73,6 +74,7 @@ class Geometry:
     volume: NDArray[np.float64]
     pressure: NDArray[np.float64]
     wall_slip: NDArray[np.uint8]
+    wall_sides: NDArray[np.uint8]
     boundary_velocity: NDArray[np.float64]
     body: NDArray[np.int32]
     body_names: tuple[str, ...]
@@ -184,6 +186,7 @@ def build(case: Case, support: float, unlock: float = 0.0, arrange: Arrange | No
         volume=volume,
         pressure=rows(pressure, 0.0, np.float64),
         wall_slip=rows(None, walls.slip, np.uint8),
+        wall_sides=rows(None, walls.sides, np.uint8),
         boundary_velocity=rows(None, walls.velocity, np.float64, vector),
         body=rows(None, walls.body, np.int32),
         body_names=tuple(walls.names),

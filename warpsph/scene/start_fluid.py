@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from warpsph.case.domain import AXES
+from warpsph.case.signals import vector_at
 from warpsph.errors import ExpressionError, Problem
 from warpsph.scene.lattice import Lattice, points_of
 from warpsph.scene.masks import values_at
@@ -101,7 +102,7 @@ def start_pressure(
         except ExpressionError as error:
             problems.append(Problem("start.pressure", error.text, error.rule_with_column, error.remedy))
             return None
-    gravity = np.array(case.gravity, dtype=np.float64)
+    gravity = np.array(vector_at(case.gravity), dtype=np.float64)
     if not gravity.any():
         warnings.append("start.pressure: hydrostatic has no effect without gravity")
         return None

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from warpsph.case.domain import AXES
+from warpsph.case.signals import vector_at
 from warpsph.errors import Problem
 from warpsph.scene.body_surfaces import Solid, make_solids
 from warpsph.scene.lattice import Lattice, points_of
@@ -84,6 +85,7 @@ class WallCells:
         self.position = np.empty((0, d))
         self.velocity = np.empty((0, d))
         self.slip = np.empty(0, dtype=np.uint8)
+        self.sides = np.empty(0, dtype=np.uint8)
         self.body = np.empty(0, dtype=np.int32)
         self.solids: list[Solid] = []
 
@@ -107,6 +109,7 @@ class WallCells:
         slips = [np.zeros(n, dtype=np.bool_) for n in lattice.shape]
         speeds = [np.zeros((n, d)) for n in lattice.shape]
         bodies = [np.zeros(n, dtype=np.int32) for n in lattice.shape]
+        bits = [np.zeros(n, dtype=np.uint8) for n in lattice.shape]
         for k in range(d):
             before, after = lattice.layers[k]
             last = lattice.shape[k] - after
@@ -119,7 +122,8 @@ class WallCells:
                 self.names.append(f"{AXES[k]}_{end}")
                 depth[k][beyond] = layer
                 slips[k][beyond] = side.wall == "free_slip"
-                speeds[k][beyond] = side.velocity or 0.0
+                speeds[k][beyond] = vector_at(side.velocity) or 0.0
+                bits[k][beyond] = 1 << (2 * k + (end == "upper"))
                 bodies[k][beyond] = len(self.names)
         if not self.names:
             return
@@ -141,7 +145,8 @@ class WallCells:
 
         deepest = np.argmax(2 * behind + no_slip, axis=1)  # among equals a no-slip wall, then the first axis
         body = np.choose(deepest, [bodies[k][cells[k]] for k in range(d)])
-        self._append(cells, velocity, ~any_no_slip, body)
+        sides = sum(np.where(decides[:, k], bits[k][cells[k]], 0) for k in range(d))
+        self._append(cells, velocity, ~any_no_slip, body, sides)
 
     def add_bodies(self, support: float, problems: list[Problem], warnings: list[str]) -> None:
         """Add the boundary particles of the bodies; `covered` says which cells they take.
@@ -154,7 +159,7 @@ class WallCells:
             n = solid.sampling.count
             free = np.full(n, body.wall == "free_slip")
             still = np.zeros((n, self.lattice.dimension))
-            self._append_at(solid.sampling.position, still, free, np.full(n, len(self.names)))
+            self._append_at(solid.sampling.position, still, free, np.full(n, len(self.names)), np.zeros(n))
 
     def covered(self, nearer: float) -> NDArray[np.bool_]:
         """Cells of the lattice whose middle is in a body or nearer to one than `nearer`, m."""
@@ -179,11 +184,12 @@ class WallCells:
         columns = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
         return Surroundings(**columns, frames=Frames.joined([part.frames for part in parts], lattice.dimension))
 
-    def _append(self, cells: tuple[NDArray[np.intp], ...], velocity: Any, slip: Any, body: Any) -> None:
-        self._append_at(points_of(self.lattice.axes(), cells), velocity, slip, body)
+    def _append(self, cells: tuple[NDArray[np.intp], ...], velocity: Any, slip: Any, body: Any, sides: Any) -> None:
+        self._append_at(points_of(self.lattice.axes(), cells), velocity, slip, body, sides)
 
-    def _append_at(self, position: Any, velocity: Any, slip: Any, body: Any) -> None:
+    def _append_at(self, position: Any, velocity: Any, slip: Any, body: Any, sides: Any) -> None:
         self.position = np.concatenate([self.position, position])
         self.velocity = np.concatenate([self.velocity, velocity])
         self.slip = np.concatenate([self.slip, slip.astype(np.uint8)])
         self.body = np.concatenate([self.body, body.astype(np.int32)])
+        self.sides = np.concatenate([self.sides, sides.astype(np.uint8)])

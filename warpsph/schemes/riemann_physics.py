@@ -13,6 +13,7 @@ import numpy as np
 from warpsph.kernels.core.smoothing import KERNELS
 from warpsph.kernels.core.spec import Spec
 from warpsph.scene.fluid_regions import LIGHT
+from warpsph.scene.forcing import forcing_of
 from warpsph.scene.physics import (
     VISCOUS_LIMIT,
     Physics,
@@ -58,7 +59,7 @@ def derive(case: Case, geometry: Geometry, row_list: bool = True) -> Physics:
     filled = not has_room(case, geometry)
     tension = tension_matrix(case)
     has_tension = bool((tension > 0).any())
-    gravity = np.asarray(case.gravity, dtype=float)
+    forcing = forcing_of(case)
     viscous = any(phase.viscosity > 0 for phase in phases)
 
     choices: dict[str, Any] = {}
@@ -146,8 +147,11 @@ def derive(case: Case, geometry: Geometry, row_list: bool = True) -> Physics:
         and (has_tension or any(gauge.type == "interface_length" for gauge in case.gauges.values())),
         corrected=corrected,
         paper_star=star == "arithmetic" and len(phases) > 1,
-        gravity=bool(np.any(gravity != 0)),
-        body_force=bool(np.any(np.asarray(case.body_force, dtype=float) != 0)),
+        gravity=bool(np.any(forcing.hydrostatic() != 0)),
+        body_force=bool(np.any(forcing.driving() != 0)),
+        varying_force=forcing.varying_force,
+        varying_sides=forcing.varying_sides,
+        moving=bool(forcing.tracks),
         central_force=case.central_force is not None,
         shifting=float(shifting) > 0,
         volume_constraint=bool(constraint),
@@ -179,7 +183,7 @@ def derive(case: Case, geometry: Geometry, row_list: bool = True) -> Physics:
 
 def heavy(case: Case) -> bool:
     """Return whether gravity acts."""
-    return bool(np.any(np.asarray(case.gravity, dtype=float) != 0))
+    return bool(np.any(forcing_of(case).hydrostatic() != 0))
 
 
 def needed_sound_speeds(case: Case, scales: dict[str, float], seen: np.ndarray, filled: bool) -> list[float]:

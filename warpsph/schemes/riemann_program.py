@@ -8,8 +8,12 @@ from __future__ import annotations
 
 from warpsph.engine.program import Absent, BuildList, KeepList, Node, Program, Rarely, Stage
 from warpsph.kernels.core.clock import make_advance
+from warpsph.kernels.core.drive import make_move_sides, make_signals
+from warpsph.kernels.core.moving_bodies import make_move_bodies
+from warpsph.kernels.core.poses import MIDDLE, NEXT
 from warpsph.kernels.core.spec import Spec
 from warpsph.kernels.core.surface_load import make_surface_load
+from warpsph.kernels.core.time_signals import depends_on_time
 from warpsph.kernels.core.wall import make_wall
 from warpsph.kernels.core.wall_fit import make_wall_fit, make_wall_rows, make_wall_values
 from warpsph.kernels.riemann.contact import make_contact
@@ -29,7 +33,7 @@ def program(spec: Spec) -> Program:
     if spec.interface and spec.tension == "none":
         measures["interface"] = [*geometry(spec)]
     if spec.walls:
-        measures["wall_load"] = [*wall_load(spec)]
+        measures["wall_load"] = [*signals(spec), *wall_load(spec)]
     return Program(step=step(spec), start=start(spec), advance=advance(spec), measures=measures)
 
 
@@ -37,9 +41,13 @@ def step(spec: Spec) -> list[Node]:
     """Return the nodes of one time step, in order."""
     rare = [*constraints(spec), *tension(spec)]
     return [
+        *signals(spec),
+        *moving_sides(spec),
+        *bodies(spec, MIDDLE, speed=1),
         Stage("kick_drift", make_kick_drift(spec), "fluid", "moves the particles"),
         *sides(spec),
         Stage("continuity", make_continuity(spec), "fluid", "density and pressure from star velocities"),
+        *bodies(spec, NEXT, closing=1),
         *walls(spec),
         *([Rarely(rare)] if rare else []),
         Stage("momentum", make_momentum(spec), "fluid", "acceleration from star pressures"),
@@ -67,6 +75,8 @@ def constraints(spec: Spec) -> list[Stage]:
 def start(spec: Spec) -> list[Node]:
     """Return the nodes that complete a start: state from density, list, then the acceleration."""
     return [
+        *signals(spec),
+        *bodies(spec, NEXT, speed=1, closing=1),
         state(spec),
         BuildList("the first list"),
         *sides(spec),
@@ -74,6 +84,29 @@ def start(spec: Spec) -> list[Node]:
         *tension(spec),
         Stage("momentum", make_momentum(spec), "fluid", "first acceleration"),
     ]
+
+
+def signals(spec: Spec) -> list[Stage]:
+    """Return the stage that evaluates what depends on time; walls move with their velocity in the middle of the step."""
+    if not depends_on_time(spec):
+        return []
+    return [Stage("signals", make_signals(spec), "one", "what depends on time", {"share": 0.5})]
+
+
+def moving_sides(spec: Spec) -> list[Stage]:
+    """Return the stage that gives wall particles the velocity of the sides that they are behind."""
+    if not (spec.walls and spec.varying_sides):
+        return []
+    return [Stage("move_sides", make_move_sides(spec), "wall", "the velocity of a side of the domain depends on time")]
+
+
+def bodies(spec: Spec, level: int, speed: int = 0, closing: int = 0) -> list[Stage]:
+    """Return the stage that brings moving bodies to where they are in the middle of the step or at its end."""
+    if not spec.moving:
+        return []
+    reason = "bodies in the middle of the step" if level == MIDDLE else "bodies at the end of the step"
+    values = {"level": level, "speed": speed, "closing": closing}
+    return [Stage("move_bodies", make_move_bodies(spec), "wall", reason, values)]
 
 
 def state(spec: Spec) -> Stage:
@@ -156,6 +189,8 @@ def absent(spec: Spec) -> list[Absent]:
         rows.append(Absent("gravity", "gravity is zero"))
     if not spec.body_force:
         rows.append(Absent("body force", "body_force is zero"))
+    if not depends_on_time(spec):
+        rows.append(Absent("signals", "nothing depends on time"))
     if not spec.shifting:
         rows.append(Absent("shift", "numerics.shifting is 0"))
     if not spec.corrected:
