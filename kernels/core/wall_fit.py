@@ -191,6 +191,8 @@ def make_wall_fit(spec: Spec) -> Any:
                 ssss -= wp.dot(line_s, inverse * line_s)
                 straight = shear * inverse
                 bend = (ssss * bend - yyss * bow) / (yyyy * ssss - yyss * yyss)
+                # along the wall alone: across it a bend is sound, which its mirror would make louder in each step
+                bend -= normal * wp.dot(bend, normal)
                 reach = real(2.0) * params.h
                 most = real(MOST_BEND) * wp.length(straight * normal)
                 if wp.length(bend) * reach > most:
