@@ -47,6 +47,7 @@ class Spec:
         free_surface: an axis is open, so that wall pressure never pulls.
         scheme: name of the scheme in the registry.
         changing: particles are born or die.
+        open_axis: axis whose sides are inlets or outlets, -1 for none; with any the number of particles changes.
         mirror: sides of the domain are walls made of mirror images (isph).
         second_order: BDF2 in time instead of the first-order projection (isph).
         implicit_viscosity: the viscous term is stabilised by an implicit solve (isph).
@@ -84,6 +85,7 @@ class Spec:
     implicit_viscosity: bool = False
     viscosity_by_axis: bool = False
     changing: bool = False
+    open_axis: int = -1
     row_list: bool = True
     wide_list: bool = False
 

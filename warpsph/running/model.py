@@ -30,6 +30,7 @@ from warpsph.running import memory
 from warpsph.running.device_sums import DeviceSums
 from warpsph.running.state_copy import copy_state
 from warpsph.scene.geometry import Geometry, build
+from warpsph.scene.open_faces import buffer_layers
 from warpsph.scene.packing import Packer
 from warpsph.scene.physics import Physics, contact_matrix, derive, support_radius
 from warpsph.snapshot import Snapshot
@@ -100,7 +101,7 @@ class Model:
             del self.geometry  # of millions of particles there is no room for two
             self.geometry = build(case, self.physics.support, unlock, arrange)
         counts = self.geometry.fluid_count, self.geometry.wall_count
-        room = self.scheme.room(case, self.geometry)
+        room = self.scheme.room(case, self.geometry, self.physics)
         self.particles = Population(self.physics.spec, self.scheme.fields(), *counts, self.device, room)
         self._fill()
         self.stepper = self._make_stepper()
@@ -213,6 +214,9 @@ class Model:
         margin = physics.support if geometry.wall_count else 0.0
         open_room = 4 * physics.support if case.has_open_sides else 0.0
         room = [0.0 if p else margin + open_room for p in spec.periodic]
+        if spec.open_axis >= 0:
+            layers = buffer_layers(physics.support, skin, geometry.lattice.spacing[spec.open_axis])
+            room[spec.open_axis] = max(room[spec.open_axis], (layers + 1) * geometry.lattice.spacing[spec.open_axis])
         return {
             "lower": [low - r for low, r in zip(geometry.lattice.lower, room, strict=True)],
             "upper": [u + r for u, r in zip(geometry.lattice.upper, room, strict=True)],
@@ -375,7 +379,12 @@ class Model:
             "counters": np.array(counters),
             "maxima": self.stepper.maxima.numpy().reshape(-1, ck.MAXIMA).max(axis=0),
             "leak_counts": self.stepper.bindings["leak_counts"].numpy(),
+            **{name: self.stepper.bindings[name].numpy() for name in self._kept_arrays()},
         }
+
+    def _kept_arrays(self) -> list[str]:
+        """Return the names of the arrays beside the fields that a restart goes on from."""
+        return [name for name in self.scheme.kept if name in self.stepper.bindings]
 
     def _make_room(self, state: dict[str, np.ndarray]) -> None:
         """Make room for the particles of a saved state, of which there may be more than at the start, or fewer."""
@@ -400,6 +409,10 @@ class Model:
         self.stepper.maxima.assign(np.tile(state["maxima"], self.launcher.threads))
         if "leak_counts" in state:  # checkpoints from before did not count
             self.stepper.bindings["leak_counts"].assign(state["leak_counts"])
+        for name in self._kept_arrays():
+            if name not in state:
+                raise ValueError(f"the saved state has no {name}")
+            self.stepper.bindings[name].assign(state[name])
         clock = np.array(self.stepper.read()[0])
         saved = state["clock"]
         clock[ck.CLOCK.kept] = saved[ck.CLOCK.kept]

@@ -13,6 +13,7 @@ import numpy as np
 from warpsph.kernels.core.smoothing import KERNELS
 from warpsph.kernels.core.spec import Spec
 from warpsph.scene.fluid_regions import LIGHT
+from warpsph.scene.open_faces import open_axis
 from warpsph.scene.physics import (
     VISCOUS_LIMIT,
     Physics,
@@ -99,10 +100,11 @@ def derive(case: Case, geometry: Geometry, row_list: bool = True) -> Physics:
     shifting = choose(
         "shifting", SHIFTING if corrected else 0.0, "the corrected gradient needs it" if corrected else "not needed"
     )
+    closed = filled and not case.has_flow_through
     constraint = choose(
         "volume_constraint",
-        corrected and filled,
-        "the corrected gradient leaves the mean pressure free" if corrected and filled else "not needed",
+        corrected and closed,
+        "the corrected gradient leaves the mean pressure free" if corrected and closed else "not needed",
     )
     held = corrected and filled and float(shifting) > 0
     room = choose(
@@ -154,6 +156,8 @@ def derive(case: Case, geometry: Geometry, row_list: bool = True) -> Physics:
         interface_force=float(zeta) > 0 and len(phases) > 1,
         dissipation=float(dissipation) > 0,
         free_surface=not filled,
+        changing=case.has_flow_through,
+        open_axis=open_axis(case),
         row_list=row_list,
     )
     cap = step_limits(case, spec, h, tension)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from warpsph.engine.program import Absent, BuildList, KeepList, Node, Program, Rarely, Stage
 from warpsph.kernels.core.clock import make_advance
+from warpsph.kernels.core.open_sides import BLOCKS, make_count_in, make_crossing, make_fill
 from warpsph.kernels.core.spec import Spec
 from warpsph.kernels.core.wall import make_wall
 from warpsph.kernels.riemann.contact import make_contact
@@ -18,6 +19,7 @@ from warpsph.kernels.riemann.interface import make_curvature, make_fraction, mak
 from warpsph.kernels.riemann.interface_flow import make_interface_flow
 from warpsph.kernels.riemann.load import make_load
 from warpsph.kernels.riemann.momentum import make_momentum
+from warpsph.kernels.riemann.open_flow import make_buffer, make_face
 from warpsph.kernels.riemann.volume import make_volume
 
 
@@ -28,7 +30,13 @@ def program(spec: Spec) -> Program:
         measures["interface"] = [*geometry(spec)]
     if spec.walls:
         measures["wall_load"] = [wall_load(spec)]
-    return Program(step=step(spec), start=start(spec), advance=advance(spec), measures=measures)
+    return Program(
+        step=step(spec),
+        start=start(spec),
+        advance=advance(spec),
+        measures=measures,
+        changes=crossing(spec),
+    )
 
 
 def step(spec: Spec) -> list[Node]:
@@ -38,6 +46,7 @@ def step(spec: Spec) -> list[Node]:
         Stage("kick_drift", make_kick_drift(spec), "fluid", "moves the particles"),
         *sides(spec),
         Stage("continuity", make_continuity(spec), "fluid", "density and pressure from star velocities"),
+        *open_flow(spec),
         *walls(spec),
         *([Rarely(rare)] if rare else []),
         Stage("momentum", make_momentum(spec), "fluid", "acceleration from star pressures"),
@@ -65,12 +74,49 @@ def constraints(spec: Spec) -> list[Stage]:
 def start(spec: Spec) -> list[Node]:
     """Return the nodes that complete a start: state from density, list, then the acceleration."""
     return [
+        *fill(spec),
         state(spec),
         BuildList("the first list"),
+        *open_flow(spec, beginning=1),
         *sides(spec),
         *walls(spec),
         *tension(spec),
         Stage("momentum", make_momentum(spec), "fluid", "first acceleration"),
+    ]
+
+
+def fill(spec: Spec) -> list[Stage]:
+    """Return the stages that fill the buffers of inlets and outlets."""
+    if spec.open_axis < 0:
+        return []
+    write, count = make_fill(spec)
+    return [
+        Stage("fill_buffers", write, "fill_zone", "particles beyond inlets and outlets"),
+        Stage("count_buffers", count, "one", "counts them in"),
+    ]
+
+
+def open_flow(spec: Spec, beginning: int = 0) -> list[Stage]:
+    """Return the stages that give inlets, outlets and their buffers pressure and velocity."""
+    if spec.open_axis < 0:
+        return []
+    return [
+        Stage("open_face", make_face(spec), "site_side", "what arrives at inlets and outlets", {"beginning": beginning}),
+        Stage("open_buffer", make_buffer(spec), "fluid", "the flow beyond inlets and outlets"),
+    ]
+
+
+def crossing(spec: Spec) -> list[Stage]:
+    """Return the stages that let particles in and out, before a list is made."""
+    if spec.open_axis < 0:
+        return []
+    count, place, cross = make_crossing(spec)
+    blocks = BLOCKS[spec.row_list]
+    return [
+        Stage("births", count, blocks, "buffer particles that have come in"),
+        Stage("births_place", place, "one", "is there room for those that follow them"),
+        Stage("crossing", cross, blocks, "fluid that comes in and goes out"),
+        Stage("births_count", make_count_in(), "one", "counts particles and mass"),
     ]
 
 
@@ -156,6 +202,8 @@ def absent(spec: Spec) -> list[Absent]:
         rows.append(Absent("drift", "walls, open sides, or a gradient that conserves momentum pair by pair"))
     if not spec.interface_force:
         rows.append(Absent("interface force", "numerics.interface_force is 0"))
+    if spec.open_axis < 0:
+        rows.append(Absent("open_face, open_buffer, crossing", "no side of the domain is an inlet or an outlet"))
     if not any(spec.periodic):
         rows.append(Absent("periodic images", "no periodic axis"))
     return rows

@@ -1,0 +1,264 @@
+"""Inlets and outlets: layers of buffer particles beyond a side, which become fluid and are made of it (theory: riemann#a11).
+
+A buffer is `depth` thick and full of particles that move across the side alone. What crosses the side inwards becomes fluid,
+and at its place in the buffer, one depth further out, another one is born; fluid that crosses it outwards becomes a buffer
+particle; what goes beyond the depth dies. So neither a gap nor a doubling arises, and the mass that has come in or gone out
+is that of the particles that crossed. All of this happens right before a neighbour list is made, `zone` says who is what.
+"""
+
+import functools
+from typing import Any
+
+import warp as wp
+
+from .clock import FAULT, FAULT_CAPACITY, LIVE, NEXT_ID, ROOM, RUNNING, WANTED
+from .spec import Spec, types, types_of
+
+NOBODY, FLUID, BUFFER = 0, 1, 2  # of `zone`; BUFFER + k is the buffer of the open side k
+MOST_SIDES = 2
+# A newborn stands one depth out but for rounding: what dies is further out than it by this share of the depth.
+SLACK = 1.0e-4
+BLOCKS = {True: 64, False: 1024}  # stretches of particles that births are counted in, on a CPU and on a GPU
+
+
+@functools.cache
+def make_open_side(dimension: int, precision: str) -> Any:
+    """Return the `OpenSide` struct: where an inlet or outlet is, what is given there, and its sites.
+
+    Sites stand in the middle of the lattice cells of the side; the first transverse axis runs fastest. Axes that a dimension
+    does not have are its own axis with one site.
+    """
+    real = types(dimension, precision).real
+
+    @wp.struct
+    class OpenSide:
+        face: real  # coordinate of the side [m]
+        outward: real  # 1 at the upper side of the axis, -1 at the lower
+        depth: real  # thickness of the buffer [m]
+        gives_velocity: int  # 1 if the velocity is given, 0 if the pressure is
+        relaxation: wp.float64  # rate at which what comes in from outside returns to what is given [1/s]; 0: at once
+        first_site: int
+        first_axis: int  # the transverse axes
+        second_axis: int
+        first_count: int
+        second_count: int
+        first_origin: real  # coordinates of the first site [m]
+        second_origin: real
+        first_spacing: real
+        second_spacing: real
+        first_wraps: int  # whether the transverse axis is periodic
+        second_wraps: int
+        signal_begin: int  # place of its factors among `signals`
+        signal_count: int
+
+    return OpenSide
+
+
+@functools.cache
+def make_fill(spec: Spec) -> tuple[Any, Any]:
+    """Return the kernels that fill the buffers of a fresh start: (write the particles, count them in)."""
+    real, vec, _, _ = types_of(spec)
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def fill_buffers(
+        first: int,
+        fill_position: wp.array(dtype=vec),
+        fill_zone: wp.array(dtype=wp.int8),
+        cell_volume: real,
+        counters: wp.array(dtype=int),
+        anchor: wp.array(dtype=vec),
+        position: wp.array(dtype=vec),
+        rest_volume: wp.array(dtype=real),
+        particle_id: wp.array(dtype=int),
+        zone: wp.array(dtype=wp.int8),
+        alive: wp.array(dtype=wp.uint8),
+    ):
+        k = wp.tid() + first
+        i = counters[LIVE] + k
+        anchor[i] = fill_position[k]
+        position[i] = fill_position[k]
+        rest_volume[i] = cell_volume
+        particle_id[i] = counters[NEXT_ID] + k
+        zone[i] = fill_zone[k]
+        alive[i] = wp.uint8(1)
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def count_buffers(fill_zone: wp.array(dtype=wp.int8), counters: wp.array(dtype=int)):
+        counters[LIVE] = counters[LIVE] + fill_zone.shape[0]
+        counters[NEXT_ID] = counters[NEXT_ID] + fill_zone.shape[0]
+
+    return fill_buffers, count_buffers
+
+
+@functools.cache
+def make_outward(dimension: int, precision: str) -> Any:
+    """Return the `wp.func` beyond(x, side, axis): how far outside of an open side a point is [m]; inside it is negative."""
+    vec = types(dimension, precision).vec
+    OpenSide = make_open_side(dimension, precision)
+
+    @wp.func
+    def beyond(x: vec, side: OpenSide, axis: int):
+        return (x[axis] - side.face) * side.outward
+
+    return beyond
+
+
+@functools.cache
+def make_crossing(spec: Spec) -> tuple[Any, Any, Any]:
+    """Return the kernels (count births in each block, find places for them, let all cross), see the module.
+
+    A block is a stretch of rows, so that the rows and numbers of new particles do not depend on the number of threads. If
+    there is no room for the births nothing crosses, and the loop stops until there is.
+    """
+    real, vec, _, pair = types_of(spec)
+    OpenSide = make_open_side(spec.dimension, spec.precision)
+    beyond = make_outward(spec.dimension, spec.precision)
+    axis = spec.open_axis
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def count_births(
+        first: int,
+        crossing_blocks: int,
+        open_sides: wp.array(dtype=OpenSide),
+        counters: wp.array(dtype=int),
+        position: wp.array(dtype=vec),
+        zone: wp.array(dtype=wp.int8),
+        births: wp.array(dtype=int),
+    ):
+        block = wp.tid() + first
+        chunk = (counters[LIVE] + crossing_blocks - 1) / crossing_blocks
+        end = wp.min((block + 1) * chunk, counters[LIVE])
+        i = block * chunk
+        found = int(0)
+        while i < end:
+            k = int(zone[i]) - BUFFER
+            if k >= 0:
+                if beyond(position[i], open_sides[k], axis) <= real(0.0):
+                    found += 1
+            i += 1
+        births[block] = found
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def place_births(
+        crossing_blocks: int,
+        fluid_count: int,
+        counters: wp.array(dtype=int),
+        births: wp.array(dtype=int),
+    ):
+        # births becomes the running sum up to each block, and the last entry the sum of all; -1: nothing may cross
+        total = int(0)
+        for block in range(crossing_blocks):
+            found = births[block]
+            births[block] = total
+            total += found
+        births[crossing_blocks] = total
+        wanted = counters[LIVE] + total
+        if wanted > fluid_count:
+            births[crossing_blocks] = -1
+            counters[WANTED] = wanted
+            counters[FAULT] = FAULT_CAPACITY
+            counters[RUNNING] = 0
+            counters[ROOM] = 0
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def cross(
+        first: int,
+        crossing_blocks: int,
+        open_sides: wp.array(dtype=OpenSide),
+        rest_mass: wp.float64,
+        counters: wp.array(dtype=int),
+        births: wp.array(dtype=int),
+        anchor: wp.array(dtype=vec),
+        offset: wp.array(dtype=vec),
+        position: wp.array(dtype=vec),
+        velocity: wp.array(dtype=vec),
+        acceleration: wp.array(dtype=vec),
+        density_excess: wp.array(dtype=real),
+        rest_volume: wp.array(dtype=real),
+        state: wp.array(dtype=pair),
+        shift: wp.array(dtype=vec),
+        carried: wp.array(dtype=vec),
+        wall_impact: wp.array(dtype=real),
+        particle_id: wp.array(dtype=int),
+        zone: wp.array(dtype=wp.int8),
+        alive: wp.array(dtype=wp.uint8),
+        crossed: wp.array(dtype=wp.float64),
+    ):
+        block = wp.tid() + first
+        for entry in range(2 * MOST_SIDES):
+            crossed[2 * MOST_SIDES * block + entry] = wp.float64(0.0)
+        live = counters[LIVE]
+        if births[crossing_blocks] < 0:
+            return
+        chunk = (live + crossing_blocks - 1) / crossing_blocks
+        end = wp.min((block + 1) * chunk, live)
+        i = block * chunk
+        born = births[block]
+        while i < end:
+            k = int(zone[i]) - BUFFER
+            if k >= 0:
+                side = open_sides[k]
+                way = beyond(position[i], side, axis)
+                if way > side.depth * real(1.0 + SLACK):
+                    zone[i] = wp.int8(NOBODY)
+                    alive[i] = wp.uint8(0)
+                elif way <= real(0.0):
+                    zone[i] = wp.int8(FLUID)
+                    crossed[2 * (MOST_SIDES * block + k)] += rest_mass * wp.float64(rest_volume[i])
+                    n = live + born
+                    step = vec()
+                    step[axis] = side.outward * side.depth
+                    anchor[n] = anchor[i] + step
+                    offset[n] = offset[i]
+                    position[n] = position[i] + step
+                    velocity[n] = velocity[i]
+                    acceleration[n] = vec()
+                    density_excess[n] = density_excess[i]
+                    rest_volume[n] = rest_volume[i]
+                    state[n] = state[i]
+                    if wp.static(spec.shifting):
+                        shift[n] = vec()
+                        carried[n] = vec()
+                    if wp.static(spec.walls):
+                        wall_impact[n] = real(0.0)
+                    particle_id[n] = counters[NEXT_ID] + born
+                    zone[n] = wp.int8(BUFFER + k)
+                    alive[n] = wp.uint8(1)
+                    born += 1
+            elif int(zone[i]) == FLUID:
+                for other in range(open_sides.shape[0]):
+                    if beyond(position[i], open_sides[other], axis) > real(0.0):
+                        zone[i] = wp.int8(BUFFER + other)
+                        crossed[2 * (MOST_SIDES * block + other) + 1] += rest_mass * wp.float64(rest_volume[i])
+                        acceleration[i] = vec()
+                        if wp.static(spec.shifting):
+                            shift[i] = vec()
+                            carried[i] = vec()
+            i += 1
+
+    return count_births, place_births, cross
+
+
+@functools.cache
+def make_count_in() -> Any:
+    """Return the one-thread kernel that counts the births in, and adds what crossed to the mass that has come in and out."""
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def count_in(
+        crossing_blocks: int,
+        counters: wp.array(dtype=int),
+        births: wp.array(dtype=int),
+        crossed: wp.array(dtype=wp.float64),
+        through: wp.array(dtype=wp.float64),
+    ):
+        born = births[crossing_blocks]
+        if born >= 0:
+            counters[LIVE] = counters[LIVE] + born
+            counters[NEXT_ID] = counters[NEXT_ID] + born
+            for entry in range(2 * MOST_SIDES):
+                total = wp.float64(0.0)
+                for block in range(crossing_blocks):
+                    total += crossed[2 * MOST_SIDES * block + entry]
+                through[entry] = through[entry] + total
+
+    return count_in

@@ -1,0 +1,326 @@
+"""The flow at inlets and outlets: a fit of the fluid inside, characteristics at the side, values of the buffers (theory: riemann#a11).
+
+At each site of an open side a linear fit of pressure and velocity of the fluid, not of the buffers, gives what arrives from
+inside, w_out = p + Z u_n (n points outwards). What comes in, w_in = p - Z u_n, is such that the side has what is given, at
+once or with a rate of `relaxation`:
+
+    velocity given: w_in = w_out - 2 Z u_n,  pressure given: w_in = 2 p - w_out
+    p* = (w_out + w_in)/2,  u_n* = (w_out - w_in)/(2 Z)
+
+Buffer particles take p* + (distance to the side) dp/dn, so that a linear pressure is continued exactly, and the velocity of
+the side, interpolated between its sites.
+"""
+
+import functools
+from typing import Any
+
+import warp as wp
+
+from warpsph.kernels.core.cells import make_cell_of, make_grid
+from warpsph.kernels.core.clock import STEP, TIME
+from warpsph.kernels.core.eos import make_eos
+from warpsph.kernels.core.open_sides import BUFFER, FLUID, make_open_side, make_outward
+from warpsph.kernels.core.pair import separation_of
+from warpsph.kernels.core.params import make_params, make_phase
+from warpsph.kernels.core.smoothing import make_smoothing
+from warpsph.kernels.core.spec import Spec, types, types_of
+
+RANGE = 3  # cells around a site that are searched: particles move up to 0.28 of the support between two lists
+LEAST_SPREAD = 1.0e-3  # determinant of the normed moment below which the fluid at a site is too thin for a slope
+
+
+@functools.cache
+def make_excess(precision: str) -> Any:
+    """Return the `wp.func` excess_of(p, stiffness, gamma): density excess at a pressure p without the background."""
+    real = types(2, precision).real
+    eos = make_eos(precision)
+
+    @wp.func
+    def excess_of(p: real, stiffness: real, gamma: real):
+        s = p / (stiffness * gamma)
+        for _ in range(3):  # Newton: the start is off by (gamma - 1) s^2/2
+            s -= (eos(s, stiffness, gamma) - p) / (stiffness * gamma * wp.pow(real(1.0) + s, gamma - real(1.0)))
+        return s
+
+    return excess_of
+
+
+@functools.cache
+def make_signal() -> Any:
+    """Return the `wp.func` signal_at(time, begin, count, step, signals): a factor sampled every `step` [s], in between linear."""
+
+    @wp.func
+    def signal_at(time: wp.float64, begin: int, count: int, step: wp.float64, signals: wp.array(dtype=wp.float64)):
+        place = wp.clamp(time / step, wp.float64(0.0), wp.float64(count - 1))
+        k = wp.min(int(place), wp.max(count - 2, 0))
+        share = place - wp.float64(k)
+        after = wp.min(k + 1, count - 1)
+        return signals[begin + k] * (wp.float64(1.0) - share) + signals[begin + after] * share
+
+    return signal_at
+
+
+@functools.cache
+def make_fit(spec: Spec) -> Any:
+    """Return the `wp.func` fit(x, ...) -> (valid, pressure, its gradient, velocity) of the fluid around a point.
+
+    A linear least-squares fit, weighted with kernel and volume; without enough fluid for slopes the mean, without any none.
+    """
+    real, vec, mat, pair = types_of(spec)
+    d = spec.dimension
+    row = wp.types.vector(length=d + 1, dtype=real)
+    square = wp.types.matrix(shape=(d + 1, d + 1), dtype=real)
+    table = wp.types.matrix(shape=(d + 1, d + 1), dtype=real)
+    Params = make_params(d, spec.precision)
+    Grid = make_grid(d, spec.precision)
+    cell_of = make_cell_of(d, spec.precision)
+    shape, _ = make_smoothing(spec.kernel, spec.precision)
+    separation = separation_of(spec)
+    wraps = ([*spec.periodic, False, False])[:3]
+    px, py, pz = wraps
+
+    @wp.struct
+    class Fitted:
+        valid: int
+        pressure: real
+        gradient: vec
+        velocity: vec
+
+    @wp.func
+    def lowest(c: int, n: int, periodic: bool):
+        result = c - RANGE
+        if periodic:
+            if n <= 2 * RANGE + 1:
+                result = 0
+        else:
+            result = wp.max(result, 0)
+        return result
+
+    @wp.func
+    def highest(c: int, n: int, periodic: bool):
+        result = c + RANGE
+        if periodic:
+            if n <= 2 * RANGE + 1:
+                result = n - 1
+        else:
+            result = wp.min(result, n - 1)
+        return result
+
+    @wp.func
+    def fit(
+        x: vec,
+        params: Params,
+        grid: Grid,
+        cell_start: wp.array(dtype=int),
+        position: wp.array(dtype=vec),
+        velocity: wp.array(dtype=vec),
+        state: wp.array(dtype=pair),
+        zone: wp.array(dtype=wp.int8),
+    ):
+        c = cell_of(x, grid)
+        moment = square()
+        right = table()  # a row for each of pressure and velocity, a column for each basis function
+        for cz in range(lowest(c[2], grid.nz, pz), highest(c[2], grid.nz, pz) + 1):
+            for cy in range(lowest(c[1], grid.ny, py), highest(c[1], grid.ny, py) + 1):
+                for cx in range(lowest(c[0], grid.nx, px), highest(c[0], grid.nx, px) + 1):
+                    line = ((cz + grid.nz) % grid.nz) * grid.ny + (cy + grid.ny) % grid.ny
+                    cell = line * grid.nx + (cx + grid.nx) % grid.nx
+                    for j in range(cell_start[cell], cell_start[cell + 1]):
+                        if int(zone[j]) == FLUID:
+                            off = separation(position[j], x, True, params) * params.inv_h
+                            weight = shape(wp.length(off)) * state[j][1]
+                            if weight > real(0.0):
+                                basis = row()
+                                values = row()
+                                basis[0] = real(1.0)
+                                values[0] = state[j][0]
+                                for a in range(wp.static(d)):
+                                    basis[a + 1] = off[a]
+                                    values[a + 1] = velocity[j][a]
+                                moment += weight * wp.outer(basis, basis)
+                                right += weight * wp.outer(values, basis)
+        result = Fitted()
+        total = moment[0, 0]
+        result.valid = 0
+        if total > real(0.0):
+            result.valid = 1
+            normed = moment / total
+            first = row()
+            first[0] = real(1.0)
+            sloped = wp.determinant(normed) > real(LEAST_SPREAD)
+            inverse = square()
+            if sloped:
+                inverse = wp.inverse(normed)
+                first = inverse * first
+            solved = right * first / total
+            result.pressure = solved[0]
+            for a in range(wp.static(d)):
+                result.velocity[a] = solved[a + 1]
+            if sloped:
+                slopes = inverse * right[0] / total
+                for a in range(wp.static(d)):
+                    result.gradient[a] = slopes[a + 1] * params.inv_h
+        return result
+
+    return fit
+
+
+@functools.cache
+def make_face(spec: Spec) -> Any:
+    """Return the kernel over the sites of all open sides: pressure with its slope outwards, and velocity of each.
+
+    site_memory holds w_in and what was given in the step before; `beginning` = 1 sets it: to what is given, or where waves
+    may leave to what the fluid inside has.
+    """
+    real, vec, mat, pair = types_of(spec)
+    Params = make_params(spec.dimension, spec.precision)
+    Phase = make_phase(spec.precision)
+    Grid = make_grid(spec.dimension, spec.precision)
+    OpenSide = make_open_side(spec.dimension, spec.precision)
+    fit, signal_at = make_fit(spec), make_signal()
+    axis = spec.open_axis
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def face_state(
+        first: int,
+        beginning: int,
+        params: Params,
+        grid: Grid,
+        clock: wp.array(dtype=wp.float64),
+        phases: wp.array(dtype=Phase),
+        open_sides: wp.array(dtype=OpenSide),
+        signals: wp.array(dtype=wp.float64),
+        signal_step: wp.float64,
+        site_side: wp.array(dtype=int),
+        site_position: wp.array(dtype=vec),
+        site_velocity: wp.array(dtype=vec),
+        site_pressure: wp.array(dtype=real),
+        site_memory: wp.array(dtype=wp.vec2d),
+        cell_start: wp.array(dtype=int),
+        position: wp.array(dtype=vec),
+        velocity: wp.array(dtype=vec),
+        state: wp.array(dtype=pair),
+        zone: wp.array(dtype=wp.int8),
+        face_pressure: wp.array(dtype=pair),
+        face_velocity: wp.array(dtype=vec),
+    ):
+        k = wp.tid() + first
+        side = open_sides[site_side[k]]
+        inside = fit(site_position[k], params, grid, cell_start, position, velocity, state, zone)
+        time = clock[TIME] + clock[STEP]
+        factor = signal_at(time, side.signal_begin, side.signal_count, signal_step, signals)
+        wanted_velocity = site_velocity[k] * real(factor)
+        background = wp.float64(phases[0].background)
+        if inside.valid == 0:
+            inside.pressure = real(background)
+            inside.velocity = wanted_velocity
+        z = wp.float64(phases[0].impedance)
+        p = wp.float64(inside.pressure)
+        u = wp.float64(inside.velocity[axis] * side.outward)
+        going = p + z * u
+        given = wp.float64(site_pressure[k]) * factor + background
+        coming = wp.float64(2.0) * given - going
+        per_given = wp.float64(2.0)
+        if side.gives_velocity == 1:
+            given = wp.float64(wanted_velocity[axis] * side.outward)
+            coming = going - wp.float64(2.0) * z * given
+            per_given = wp.float64(-2.0) * z
+        if side.relaxation > wp.float64(0.0):
+            if beginning == 1:
+                coming = p - z * u
+            else:
+                memory = site_memory[k]
+                held = memory[0] + per_given * (given - memory[1])
+                coming = held + (coming - held) * (wp.float64(1.0) - wp.exp(-side.relaxation * clock[STEP]))
+        site_memory[k] = wp.vec2d(coming, given)
+        face_pressure[k] = pair(real(wp.float64(0.5) * (going + coming)), inside.gradient[axis] * side.outward)
+        normal = real(wp.float64(0.5) * (going - coming) / z)
+        v = wanted_velocity
+        if side.gives_velocity == 0:
+            v = vec()  # what comes in across a side of given pressure comes in straight
+            if normal > real(0.0):
+                v = inside.velocity
+        v[axis] = normal * side.outward
+        face_velocity[k] = v
+
+    return face_state
+
+
+@functools.cache
+def make_buffer(spec: Spec) -> Any:
+    """Return the kernel that gives the buffer particles the pressure and velocity that the sides continue outwards.
+
+    In a buffer of given velocity a particle takes the volume of its cell, so that what comes in has the density that goes
+    with the pressure; elsewhere it keeps its mass.
+    """
+    real, vec, mat, pair = types_of(spec)
+    Phase = make_phase(spec.precision)
+    OpenSide = make_open_side(spec.dimension, spec.precision)
+    beyond = make_outward(spec.dimension, spec.precision)
+    excess_of = make_excess(spec.precision)
+    axis = spec.open_axis
+
+    @wp.func
+    def site_along(place: real, count: int, wraps: int, end: int):
+        # the site before (end 0) or after (end 1) a place counted in sites, and its share
+        before = wp.clamp(int(wp.floor(place)), 0, wp.max(count - 2, 0))
+        if wraps == 1:
+            before = int(wp.floor(place))
+        share = wp.clamp(place - real(before), real(-0.5), real(1.5))
+        if count == 1:
+            share = real(0.0)
+        if end == 0:
+            share = real(1.0) - share
+        return (before + end + count) % count, share
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def buffer_state(
+        first: int,
+        phases: wp.array(dtype=Phase),
+        open_sides: wp.array(dtype=OpenSide),
+        cell_volume: real,
+        site_open: wp.array(dtype=wp.uint8),
+        face_pressure: wp.array(dtype=pair),
+        face_velocity: wp.array(dtype=vec),
+        position: wp.array(dtype=vec),
+        zone: wp.array(dtype=wp.int8),
+        velocity: wp.array(dtype=vec),
+        density_excess: wp.array(dtype=real),
+        rest_volume: wp.array(dtype=real),
+        state: wp.array(dtype=pair),
+    ):
+        i = wp.tid() + first
+        which = int(zone[i]) - BUFFER
+        if which < 0:
+            return
+        side = open_sides[which]
+        x = position[i]
+        a = (x[side.first_axis] - side.first_origin) / side.first_spacing
+        b = (x[side.second_axis] - side.second_origin) / side.second_spacing
+        total = real(0.0)
+        p = real(0.0)
+        slope = real(0.0)
+        v = vec()
+        for corner in range(4):
+            m, share_m = site_along(a, side.first_count, side.first_wraps, corner & 1)
+            n, share_n = site_along(b, side.second_count, side.second_wraps, corner >> 1)
+            k = side.first_site + n * side.first_count + m
+            if site_open[k] == wp.uint8(1):
+                weight = share_m * share_n
+                total += weight
+                p += weight * face_pressure[k][0]
+                slope += weight * face_pressure[k][1]
+                v += weight * face_velocity[k]
+        if wp.abs(total) > real(0.1):
+            p /= total
+            slope /= total
+            v /= total
+        p += slope * beyond(x, side, axis)
+        s = excess_of(p - phases[0].background, phases[0].stiffness, phases[0].gamma)
+        if side.gives_velocity == 1:
+            rest_volume[i] = cell_volume * (real(1.0) + s)
+        velocity[i] = v
+        density_excess[i] = s
+        state[i] = pair(p, rest_volume[i] / (real(1.0) + s))
+
+    return buffer_state

@@ -1,0 +1,175 @@
+"""Inlets and outlets of a scene: their sites, what is given there, and the particles that fill their buffers."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from warpsph.case.domain import AXES
+from warpsph.errors import CaseError, ExpressionError, Problem
+from warpsph.scene.masks import values_at
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from numpy.typing import NDArray
+
+    from warpsph.case.case import Case
+    from warpsph.case.open_sides import OpenSide
+    from warpsph.scene.lattice import Lattice
+
+MOST_SAMPLES = 1 << 20
+"""Samples of a signal; beyond them the time between two grows."""
+
+
+def open_sides(case: Case) -> Iterator[tuple[str, int, int, OpenSide]]:
+    """Yield (name such as x_lower, axis, 0 for the lower and 1 for the upper side, what it is) of inlets and outlets."""
+    for axis, sides in enumerate(case.sides):
+        for end, (name, side) in enumerate((("lower", sides.lower), ("upper", sides.upper))):
+            if side.flow is not None:
+                yield f"{AXES[axis]}_{name}", axis, end, side.flow
+
+
+def open_axis(case: Case) -> int:
+    """Return the axis whose sides are inlets or outlets; -1 if there is none."""
+    return next((axis for _, axis, _, _ in open_sides(case)), -1)
+
+
+@dataclass(eq=False)
+class Face:
+    """An inlet or outlet; m sites, d dimensions.
+
+    name: such as x_lower
+    axis, end: of the domain; end is 0 for the lower side
+    flow: what the case says of it
+    across: the transverse axes, the first one fastest among the sites; of those that a dimension lacks the own one
+    count: sites along each of them
+    position: (m, d), m, on the side
+    velocity: (m, d) given velocity, m/s, zero where the pressure is given
+    pressure: (m,) given pressure, Pa, zero where the velocity is given
+    free: (m,) whether there is fluid on the inner side
+    layers: of buffer particles
+    """
+
+    name: str
+    axis: int
+    end: int
+    flow: OpenSide
+    across: tuple[int, int]
+    count: tuple[int, int]
+    position: NDArray[np.float64]
+    velocity: NDArray[np.float64]
+    pressure: NDArray[np.float64]
+    free: NDArray[np.bool_]
+    layers: int
+
+    @property
+    def outward(self) -> int:
+        """1 at the upper side, -1 at the lower."""
+        return 1 if self.end else -1
+
+    @property
+    def gives_velocity(self) -> bool:
+        """Whether the velocity is given, else the pressure."""
+        return self.flow.given_velocity is not None
+
+
+def buffer_layers(support: float, skin: float, spacing: float) -> int:
+    """Return how many layers a buffer needs.
+
+    A particle at the side sees a support of it. Until a new list is asked for whatever the flow it moves by a quarter of the
+    radius of the list, and up to one layer more is missing between two births.
+    """
+    return math.ceil((support + 0.25 * support * (1.0 + skin)) / spacing + 1.0)
+
+
+def make_faces(case: Case, lattice: Lattice, solid: NDArray[np.bool_] | None, support: float, skin: float) -> list[Face]:
+    """Return the inlets and outlets of a case.
+
+    lattice: cells of the domain; solid: those that a body fills, or None
+    support: support radius, m; skin: of the neighbour list, as share of it
+
+    Raises CaseError where a profile has no finite value.
+    """
+    problems: list[Problem] = []
+    faces = []
+    for name, axis, end, flow in open_sides(case):
+        others = [k for k in range(lattice.dimension) if k != axis]
+        axes = [lattice.axes(domain_only=True)[k] for k in others]
+        grid = np.meshgrid(*reversed(axes), indexing="ij")[::-1]  # the first transverse axis runs fastest
+        position = np.empty((grid[0].size, lattice.dimension))
+        for k, values in zip(others, grid, strict=True):
+            position[:, k] = values.ravel()
+        position[:, axis] = (lattice.lower, lattice.upper)[end][axis]
+        free = np.ones(len(position), dtype=np.bool_)
+        if solid is not None:
+            first = np.moveaxis(solid, axis, 0)[-1 if end else 0]
+            free = ~np.asarray(first.T if first.ndim == 2 else first).ravel()
+        path = f"domain.boundary.{AXES[axis]}.{('lower', 'upper')[end]}.{'outlet' if end_is_outlet(case, axis, end) else 'inlet'}"
+        velocity, pressure = _given(flow, position, path, problems)
+        count = [*(len(values) for values in axes), 1][:2]
+        across = [*others, axis][:2]
+        layers = buffer_layers(support, skin, lattice.spacing[axis])
+        faces.append(
+            Face(name, axis, end, flow, (across[0], across[1]), (count[0], count[1]), position, velocity, pressure, free, layers)
+        )
+    if problems:
+        raise CaseError(problems)
+    return faces
+
+
+def end_is_outlet(case: Case, axis: int, end: int) -> bool:
+    """Whether a side is an outlet."""
+    sides = case.sides[axis]
+    return (sides.lower, sides.upper)[end].outlet is not None
+
+
+def _given(flow: OpenSide, position: NDArray[np.float64], path: str, problems: list[Problem]) -> Any:
+    """Velocity (m, d) and pressure (m,) given at the sites."""
+    velocity, pressure = np.zeros_like(position), np.zeros(len(position))
+    places = list(position.T)
+    try:
+        for k, formula in enumerate(flow.given_velocity or ()):
+            velocity[:, k] = values_at(formula, places, (len(position),))
+        if flow.given_pressure is not None:
+            pressure[:] = values_at(flow.given_pressure, places, (len(position),))
+    except ExpressionError as error:
+        problems.append(Problem(path, error.text, error.rule_with_column, error.remedy))
+    return velocity, pressure
+
+
+def fill_sites(faces: list[Face], lattice: Lattice, jitter: float, seed: int) -> tuple[NDArray[np.float64], NDArray[np.int8]]:
+    """Return places (n, d), m, and number of the face (n,) of the particles that fill the buffers.
+
+    jitter: largest random displacement, in spacings; seed: of it
+    """
+    places, numbers = [np.empty((0, lattice.dimension))], [np.empty(0, dtype=np.int8)]
+    random = np.random.default_rng([seed, 1])
+    for number, face in enumerate(faces):
+        for layer in range(face.layers):
+            rows = face.position[face.free].copy()
+            rows[:, face.axis] += face.outward * (layer + 0.5) * lattice.spacing[face.axis]
+            places.append(rows + random.uniform(-jitter, jitter, rows.shape) * np.array(lattice.spacing))
+            numbers.append(np.full(len(rows), number, dtype=np.int8))
+    return np.concatenate(places), np.concatenate(numbers)
+
+
+def signal_samples(faces: list[Face], end_time: float, step: float) -> tuple[list[NDArray[np.float64]], float]:
+    """Return samples of the factor in time of each face, and the time between two [s].
+
+    step: time that a signal may be taken as linear in, s. It does not depend on the end of the run, so that a run that goes
+    on for longer sees the same signal, unless that would take more than MOST_SAMPLES.
+    """
+    step = max(step, end_time / MOST_SAMPLES)
+    times = np.arange(math.ceil(end_time / step) + 2) * step
+    samples = []
+    for face in faces:
+        ramp = face.flow.ramp
+        if ramp is None or ramp.constant is not None:
+            samples.append(np.array([1.0 if ramp is None else float(ramp.constant or 0.0)]))
+        else:
+            samples.append(np.asarray(ramp.evaluate(t=times), dtype=float))
+    return samples, step

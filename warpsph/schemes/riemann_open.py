@@ -1,0 +1,128 @@
+"""Inlets and outlets of a run with the Riemann scheme: kernel arguments, and room for the particles that come."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from warpsph.scene.open_faces import Face, fill_sites, make_faces, signal_samples
+
+if TYPE_CHECKING:
+    from warpsph.case.case import Case
+    from warpsph.scene.geometry import Geometry
+    from warpsph.scene.physics import Physics
+
+ROOM = 1.1
+"""Room for particles over those of the start: what flows in takes about the place of what flows out."""
+
+
+@dataclasses.dataclass(frozen=True)
+class OpenRun:
+    """The open sides of a run.
+
+    faces: inlets and outlets
+    position: (n, d) places of the particles that fill their buffers, m
+    number: (n,) which face each belongs to
+    """
+
+    faces: list[Face]
+    position: np.ndarray
+    number: np.ndarray
+
+    @property
+    def sites(self) -> int:
+        """Sites of all faces."""
+        return sum(len(face.position) for face in self.faces)
+
+
+def open_run(case: Case, geometry: Geometry, physics: Physics) -> OpenRun:
+    """Return the open sides of a case whose particles are known. Raises CaseError as `make_faces`."""
+    solid = None
+    lattice = geometry.lattice
+    walls = geometry.position[geometry.kind == 1]
+    index = np.floor((walls - np.array(lattice.lower)) / np.array(lattice.spacing)).astype(int)
+    inside = ((index >= 0) & (index < np.array(lattice.count))).all(axis=1)
+    if inside.any():
+        solid = np.zeros(lattice.count, dtype=np.bool_)
+        solid[tuple(index[inside].T)] = True
+    faces = make_faces(case, lattice, solid, physics.support, float(physics.choices["skin"]))
+    jitter = max(float(physics.choices["unlock"]), case.start.noise)
+    return OpenRun(faces, *fill_sites(faces, lattice, jitter, case.start.seed))
+
+
+def room(found: OpenRun, fluid_count: int) -> int:
+    """Return for how many particles there is room at first."""
+    return int(ROOM * (fluid_count + len(found.position))) + 1
+
+
+def arguments(found: OpenRun, case: Case, geometry: Geometry, physics: Physics, device: Any) -> dict[str, Any]:
+    """Return the kernel arguments of the open sides by name, arrays on the device."""
+    import warp as wp
+
+    from warpsph.kernels.core.open_sides import BLOCKS, BUFFER, MOST_SIDES, make_open_side
+    from warpsph.kernels.core.spec import types_of
+
+    spec, faces = physics.spec, found.faces
+    real, vec, _, pair = types_of(spec)
+    samples, step = signal_samples(faces, case.end_time, physics.estimated_step())
+    blocks = BLOCKS[spec.row_list]
+
+    def array(values: Any, dtype: Any) -> Any:
+        return wp.array(values, dtype=dtype, device=device)
+
+    def sites(name: str) -> np.ndarray:
+        return np.concatenate([getattr(face, name) for face in faces])
+
+    sound = max(physics.sound_speed)
+    return {
+        "open_sides": array(_sides(faces, case, geometry, samples, sound, spec), make_open_side(spec.dimension, spec.precision)),
+        "signals": array(np.concatenate(samples), wp.float64),
+        "signal_step": wp.float64(step),
+        "site_side": array(np.repeat(np.arange(len(faces)), [len(face.position) for face in faces]), int),
+        "site_position": array(sites("position"), vec),
+        "site_velocity": array(sites("velocity"), vec),
+        "site_pressure": array(sites("pressure"), real),
+        "site_open": array(sites("free"), wp.uint8),
+        "site_memory": wp.zeros(found.sites, dtype=wp.vec2d, device=device),
+        "face_pressure": wp.zeros(found.sites, dtype=pair, device=device),
+        "face_velocity": wp.zeros(found.sites, dtype=vec, device=device),
+        "fill_position": array(found.position, vec),
+        "fill_zone": array(found.number + BUFFER, wp.int8),
+        "cell_volume": real(geometry.lattice.cell_volume),
+        "rest_mass": wp.float64(physics.densities[0]),
+        "crossing_blocks": blocks,
+        "births": wp.zeros(blocks + 1, dtype=int, device=device),
+        "crossed": wp.zeros(2 * MOST_SIDES * blocks, dtype=wp.float64, device=device),
+        "through": wp.zeros(2 * MOST_SIDES, dtype=wp.float64, device=device),
+    }
+
+
+def _sides(
+    faces: list[Face], case: Case, geometry: Geometry, samples: list[np.ndarray], sound: float, spec: Any
+) -> list[Any]:
+    """Return an `OpenSide` of each face."""
+    from warpsph.kernels.core.open_sides import make_open_side
+
+    lattice, rows, site, signal = geometry.lattice, [], 0, 0
+    for face, factors in zip(faces, samples, strict=True):
+        row = make_open_side(spec.dimension, spec.precision)()
+        low, high = lattice.lower[face.axis], lattice.upper[face.axis]
+        row.face = high if face.end else low
+        row.outward = float(face.outward)
+        row.depth = face.layers * lattice.spacing[face.axis]
+        row.gives_velocity = int(face.gives_velocity)
+        row.relaxation = face.flow.relaxation * sound / (high - low) if face.flow.waves == "leave" else 0.0
+        first, second = face.across
+        row.first_site, row.first_axis, row.second_axis = site, first, second
+        row.first_count, row.second_count = face.count
+        row.first_origin = lattice.lower[first] + 0.5 * lattice.spacing[first]
+        row.second_origin = lattice.lower[second] + 0.5 * lattice.spacing[second]
+        row.first_spacing, row.second_spacing = lattice.spacing[first], lattice.spacing[second]
+        row.first_wraps, row.second_wraps = int(case.periodic[first]), int(case.periodic[second])
+        row.signal_begin, row.signal_count = signal, len(factors)
+        rows.append(row)
+        site += len(face.position)
+        signal += len(factors)
+    return rows
