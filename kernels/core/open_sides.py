@@ -1,9 +1,10 @@
 """Inlets and outlets: layers of buffer particles beyond a side, which become fluid and are made of it (theory: riemann#a11).
 
-A buffer is `depth` thick and full of particles that move across the side alone. What crosses the side inwards becomes fluid,
-and at its place in the buffer, one depth further out, another one is born; fluid that crosses it outwards becomes a buffer
-particle; what goes beyond the depth dies. So neither a gap nor a doubling arises, and the mass that has come in or gone out
-is that of the particles that crossed. All of this happens right before a neighbour list is made, `zone` says who is what.
+A buffer is `depth` thick and full of particles that move across the side alone, each row at the velocity of its site. What
+crosses the side inwards becomes fluid, fluid that crosses it outwards becomes a buffer particle, and what goes beyond the
+depth dies. At the outer end new particles follow in rows, a spacing apart: how many does not depend on who crosses the side
+and how often, so that the mass which comes in is that of the given flow. All of this happens right before a neighbour list
+is made; `zone` says who is what.
 """
 
 import functools
@@ -16,8 +17,6 @@ from .spec import Spec, types, types_of
 
 NOBODY, FLUID, BUFFER = 0, 1, 2  # of `zone`; BUFFER + k is the buffer of the open side k
 MOST_SIDES = 2
-# A newborn stands one depth out but for rounding: what dies is further out than it by this share of the depth.
-SLACK = 1.0e-4
 BLOCKS = {True: 64, False: 1024}  # stretches of particles that births are counted in, on a CPU and on a GPU
 
 
@@ -104,38 +103,42 @@ def make_outward(dimension: int, precision: str) -> Any:
 
 
 @functools.cache
-def make_crossing(spec: Spec) -> tuple[Any, Any, Any]:
-    """Return the kernels (count births in each block, find places for them, let all cross), see the module.
+def make_births(spec: Spec) -> tuple[Any, Any, Any]:
+    """Return the kernels (count the births of each block of sites, find places for them, write the newborn), see the module.
 
-    A block is a stretch of rows, so that the rows and numbers of new particles do not depend on the number of threads. If
-    there is no room for the births nothing crosses, and the loop stops until there is.
+    A site whose particles come in has the next one ready `site_ahead` [m] inside of the outer end of the buffer, negative:
+    beyond it. It is born once it is inside, and the one after it is a spacing further out. A site whose particles go out
+    takes the place of the particle that dies there for the next one.
+
+    Blocks are stretches of sites, so that rows and numbers of the newborn do not depend on the number of threads. If there
+    is no room for all, none is born and nothing crosses, and the loop stops until there is.
     """
     real, vec, _, pair = types_of(spec)
     OpenSide = make_open_side(spec.dimension, spec.precision)
-    beyond = make_outward(spec.dimension, spec.precision)
     axis = spec.open_axis
+
+    @wp.func
+    def due(ahead: wp.float64, spacing: wp.float64):
+        result = int(0)
+        if ahead >= wp.float64(0.0):
+            result = int(ahead / spacing) + 1
+        return result
 
     @wp.kernel(module="unique", enable_backward=False)
     def count_births(
         first: int,
         crossing_blocks: int,
-        open_sides: wp.array(dtype=OpenSide),
-        counters: wp.array(dtype=int),
-        position: wp.array(dtype=vec),
-        zone: wp.array(dtype=wp.int8),
+        row_spacing: wp.float64,
+        site_open: wp.array(dtype=wp.uint8),
+        site_ahead: wp.array(dtype=wp.float64),
         births: wp.array(dtype=int),
     ):
         block = wp.tid() + first
-        chunk = (counters[LIVE] + crossing_blocks - 1) / crossing_blocks
-        end = wp.min((block + 1) * chunk, counters[LIVE])
-        i = block * chunk
+        sites = site_open.shape[0]
+        chunk = (sites + crossing_blocks - 1) / crossing_blocks
         found = int(0)
-        while i < end:
-            k = int(zone[i]) - BUFFER
-            if k >= 0:
-                if beyond(position[i], open_sides[k], axis) <= real(0.0):
-                    found += 1
-            i += 1
+        for k in range(wp.min(block * chunk, sites), wp.min((block + 1) * chunk, sites)):
+            found += int(site_open[k]) * due(site_ahead[k], row_spacing)
         births[block] = found
 
     @wp.kernel(module="unique", enable_backward=False)
@@ -161,13 +164,20 @@ def make_crossing(spec: Spec) -> tuple[Any, Any, Any]:
             counters[ROOM] = 0
 
     @wp.kernel(module="unique", enable_backward=False)
-    def cross(
+    def give_birth(
         first: int,
         crossing_blocks: int,
+        row_spacing: wp.float64,
+        cell_volume: real,
         open_sides: wp.array(dtype=OpenSide),
-        rest_mass: wp.float64,
         counters: wp.array(dtype=int),
         births: wp.array(dtype=int),
+        site_side: wp.array(dtype=int),
+        site_open: wp.array(dtype=wp.uint8),
+        site_position: wp.array(dtype=vec),
+        site_ahead: wp.array(dtype=wp.float64),
+        face_pressure: wp.array(dtype=pair),
+        face_velocity: wp.array(dtype=vec),
         anchor: wp.array(dtype=vec),
         offset: wp.array(dtype=vec),
         position: wp.array(dtype=vec),
@@ -182,49 +192,91 @@ def make_crossing(spec: Spec) -> tuple[Any, Any, Any]:
         particle_id: wp.array(dtype=int),
         zone: wp.array(dtype=wp.int8),
         alive: wp.array(dtype=wp.uint8),
+    ):
+        block = wp.tid() + first
+        if births[crossing_blocks] < 0:
+            return
+        sites = site_open.shape[0]
+        chunk = (sites + crossing_blocks - 1) / crossing_blocks
+        born = births[block]
+        for k in range(wp.min(block * chunk, sites), wp.min((block + 1) * chunk, sites)):
+            ahead = site_ahead[k]
+            side = open_sides[site_side[k]]
+            for _ in range(int(site_open[k]) * due(ahead, row_spacing)):
+                i = counters[LIVE] + born
+                x = site_position[k]
+                x[axis] = side.face + side.outward * (side.depth - real(ahead))
+                anchor[i] = x
+                offset[i] = vec()
+                position[i] = x
+                velocity[i] = face_velocity[k]
+                acceleration[i] = vec()
+                # too far out for the fluid to see; the coming step gives it density and volume
+                density_excess[i] = real(0.0)
+                rest_volume[i] = cell_volume
+                state[i] = pair(face_pressure[k][0], cell_volume)
+                if wp.static(spec.shifting):
+                    shift[i] = vec()
+                    carried[i] = vec()
+                if wp.static(spec.walls):
+                    wall_impact[i] = real(0.0)
+                particle_id[i] = counters[NEXT_ID] + born
+                zone[i] = wp.int8(BUFFER + site_side[k])
+                alive[i] = wp.uint8(1)
+                ahead -= row_spacing
+                born += 1
+            if ahead < -row_spacing:
+                ahead += row_spacing * wp.floor(-ahead / row_spacing)
+            site_ahead[k] = ahead
+
+    return count_births, place_births, give_birth
+
+
+@functools.cache
+def make_crossing(spec: Spec) -> tuple[Any, Any]:
+    """Return the kernels (let particles cross open sides and die, count them and their mass in), see the module.
+
+    It runs over blocks of particles, stretches of the rows before the newborn, each with the mass that crosses in it.
+    """
+    real, vec, _, _ = types_of(spec)
+    OpenSide = make_open_side(spec.dimension, spec.precision)
+    beyond = make_outward(spec.dimension, spec.precision)
+    axis = spec.open_axis
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def cross(
+        first: int,
+        crossing_blocks: int,
+        open_sides: wp.array(dtype=OpenSide),
+        rest_mass: wp.float64,
+        counters: wp.array(dtype=int),
+        births: wp.array(dtype=int),
+        position: wp.array(dtype=vec),
+        acceleration: wp.array(dtype=vec),
+        rest_volume: wp.array(dtype=real),
+        shift: wp.array(dtype=vec),
+        carried: wp.array(dtype=vec),
+        zone: wp.array(dtype=wp.int8),
+        alive: wp.array(dtype=wp.uint8),
         crossed: wp.array(dtype=wp.float64),
     ):
         block = wp.tid() + first
         for entry in range(2 * MOST_SIDES):
             crossed[2 * MOST_SIDES * block + entry] = wp.float64(0.0)
-        live = counters[LIVE]
         if births[crossing_blocks] < 0:
             return
+        live = counters[LIVE]
         chunk = (live + crossing_blocks - 1) / crossing_blocks
-        end = wp.min((block + 1) * chunk, live)
-        i = block * chunk
-        born = births[block]
-        while i < end:
+        for i in range(wp.min(block * chunk, live), wp.min((block + 1) * chunk, live)):
             k = int(zone[i]) - BUFFER
             if k >= 0:
-                side = open_sides[k]
-                way = beyond(position[i], side, axis)
-                if way > side.depth * real(1.0 + SLACK):
+                way = beyond(position[i], open_sides[k], axis)
+                if way > open_sides[k].depth:
                     zone[i] = wp.int8(NOBODY)
                     alive[i] = wp.uint8(0)
                 elif way <= real(0.0):
                     zone[i] = wp.int8(FLUID)
                     crossed[2 * (MOST_SIDES * block + k)] += rest_mass * wp.float64(rest_volume[i])
-                    n = live + born
-                    step = vec()
-                    step[axis] = side.outward * side.depth
-                    anchor[n] = anchor[i] + step
-                    offset[n] = offset[i]
-                    position[n] = position[i] + step
-                    velocity[n] = velocity[i]
-                    acceleration[n] = vec()
-                    density_excess[n] = density_excess[i]
-                    rest_volume[n] = rest_volume[i]
-                    state[n] = state[i]
-                    if wp.static(spec.shifting):
-                        shift[n] = vec()
-                        carried[n] = vec()
-                    if wp.static(spec.walls):
-                        wall_impact[n] = real(0.0)
-                    particle_id[n] = counters[NEXT_ID] + born
-                    zone[n] = wp.int8(BUFFER + k)
-                    alive[n] = wp.uint8(1)
-                    born += 1
             elif int(zone[i]) == FLUID:
                 for other in range(open_sides.shape[0]):
                     if beyond(position[i], open_sides[other], axis) > real(0.0):
@@ -234,14 +286,6 @@ def make_crossing(spec: Spec) -> tuple[Any, Any, Any]:
                         if wp.static(spec.shifting):
                             shift[i] = vec()
                             carried[i] = vec()
-            i += 1
-
-    return count_births, place_births, cross
-
-
-@functools.cache
-def make_count_in() -> Any:
-    """Return the one-thread kernel that counts the births in, and adds what crossed to the mass that has come in and out."""
 
     @wp.kernel(module="unique", enable_backward=False)
     def count_in(
@@ -261,4 +305,4 @@ def make_count_in() -> Any:
                     total += crossed[2 * MOST_SIDES * block + entry]
                 through[entry] = through[entry] + total
 
-    return count_in
+    return cross, count_in

@@ -26,6 +26,9 @@ from warpsph.kernels.core.smoothing import make_smoothing
 from warpsph.kernels.core.spec import Spec, types, types_of
 
 RANGE = 3  # cells around a site that are searched: particles move up to 0.28 of the support between two lists
+import os
+SLOPE_V = float(os.environ.get("SLOPE_V", "1"))
+SLOPE_P = float(os.environ.get("SLOPE_P", "1"))
 LEAST_SPREAD = 1.0e-3  # determinant of the normed moment below which the fluid at a site is too thin for a slope
 
 
@@ -196,6 +199,7 @@ def make_face(spec: Spec) -> Any:
         site_velocity: wp.array(dtype=vec),
         site_pressure: wp.array(dtype=real),
         site_memory: wp.array(dtype=wp.vec2d),
+        site_ahead: wp.array(dtype=wp.float64),
         cell_start: wp.array(dtype=int),
         position: wp.array(dtype=vec),
         velocity: wp.array(dtype=vec),
@@ -206,6 +210,9 @@ def make_face(spec: Spec) -> Any:
     ):
         k = wp.tid() + first
         side = open_sides[site_side[k]]
+        if beginning == 0:
+            # the way of its row in the drift of this step
+            site_ahead[k] = site_ahead[k] - wp.float64(face_velocity[k][axis] * side.outward) * clock[STEP]
         inside = fit(site_position[k], params, grid, cell_start, position, velocity, state, zone)
         time = clock[TIME] + clock[STEP]
         factor = signal_at(time, side.signal_begin, side.signal_count, signal_step, signals)
@@ -250,8 +257,8 @@ def make_face(spec: Spec) -> Any:
 def make_buffer(spec: Spec) -> Any:
     """Return the kernel that gives the buffer particles the pressure and velocity that the sides continue outwards.
 
-    In a buffer of given velocity a particle takes the volume of its cell, so that what comes in has the density that goes
-    with the pressure; elsewhere it keeps its mass.
+    What comes in takes the volume of its cell, so that it has the density that goes with the pressure; what goes out keeps
+    its mass.
     """
     real, vec, mat, pair = types_of(spec)
     Phase = make_phase(spec.precision)
@@ -315,9 +322,13 @@ def make_buffer(spec: Spec) -> Any:
             p /= total
             slope /= total
             v /= total
+        if side.gives_velocity == 1:
+            slope *= real(wp.static(SLOPE_V))
+        else:
+            slope *= real(wp.static(SLOPE_P))
         p += slope * beyond(x, side, axis)
         s = excess_of(p - phases[0].background, phases[0].stiffness, phases[0].gamma)
-        if side.gives_velocity == 1:
+        if v[axis] * side.outward < real(0.0):
             rest_volume[i] = cell_volume * (real(1.0) + s)
         velocity[i] = v
         density_excess[i] = s

@@ -141,18 +141,14 @@ def _given(flow: OpenSide, position: NDArray[np.float64], path: str, problems: l
     return velocity, pressure
 
 
-def fill_sites(faces: list[Face], lattice: Lattice, jitter: float, seed: int) -> tuple[NDArray[np.float64], NDArray[np.int8]]:
-    """Return places (n, d), m, and number of the face (n,) of the particles that fill the buffers.
-
-    jitter: largest random displacement, in spacings; seed: of it
-    """
+def fill_sites(faces: list[Face], lattice: Lattice) -> tuple[NDArray[np.float64], NDArray[np.int8]]:
+    """Return places (n, d), m, and number of the face (n,) of the particles that fill the buffers."""
     places, numbers = [np.empty((0, lattice.dimension))], [np.empty(0, dtype=np.int8)]
-    random = np.random.default_rng([seed, 1])
     for number, face in enumerate(faces):
         for layer in range(face.layers):
             rows = face.position[face.free].copy()
             rows[:, face.axis] += face.outward * (layer + 0.5) * lattice.spacing[face.axis]
-            places.append(rows + random.uniform(-jitter, jitter, rows.shape) * np.array(lattice.spacing))
+            places.append(rows)
             numbers.append(np.full(len(rows), number, dtype=np.int8))
     return np.concatenate(places), np.concatenate(numbers)
 

@@ -48,8 +48,7 @@ def open_run(case: Case, geometry: Geometry, physics: Physics) -> OpenRun:
         solid = np.zeros(lattice.count, dtype=np.bool_)
         solid[tuple(index[inside].T)] = True
     faces = make_faces(case, lattice, solid, physics.support, float(physics.choices["skin"]))
-    jitter = max(float(physics.choices["unlock"]), case.start.noise)
-    return OpenRun(faces, *fill_sites(faces, lattice, jitter, case.start.seed))
+    return OpenRun(faces, *fill_sites(faces, lattice))
 
 
 def room(found: OpenRun, fluid_count: int) -> int:
@@ -75,6 +74,7 @@ def arguments(found: OpenRun, case: Case, geometry: Geometry, physics: Physics, 
     def sites(name: str) -> np.ndarray:
         return np.concatenate([getattr(face, name) for face in faces])
 
+    row = geometry.lattice.spacing[spec.open_axis]
     sound = max(physics.sound_speed)
     return {
         "open_sides": array(_sides(faces, case, geometry, samples, sound, spec), make_open_side(spec.dimension, spec.precision)),
@@ -86,6 +86,8 @@ def arguments(found: OpenRun, case: Case, geometry: Geometry, physics: Physics, 
         "site_pressure": array(sites("pressure"), real),
         "site_open": array(sites("free"), wp.uint8),
         "site_memory": wp.zeros(found.sites, dtype=wp.vec2d, device=device),
+        "site_ahead": wp.full(found.sites, -0.5 * row, dtype=wp.float64, device=device),
+        "row_spacing": wp.float64(row),
         "face_pressure": wp.zeros(found.sites, dtype=pair, device=device),
         "face_velocity": wp.zeros(found.sites, dtype=vec, device=device),
         "fill_position": array(found.position, vec),

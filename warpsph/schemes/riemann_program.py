@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from warpsph.engine.program import Absent, BuildList, KeepList, Node, Program, Rarely, Stage
 from warpsph.kernels.core.clock import make_advance
-from warpsph.kernels.core.open_sides import BLOCKS, make_count_in, make_crossing, make_fill
+from warpsph.kernels.core.open_sides import BLOCKS, make_births, make_crossing, make_fill
 from warpsph.kernels.core.spec import Spec
 from warpsph.kernels.core.wall import make_wall
 from warpsph.kernels.riemann.contact import make_contact
@@ -110,13 +110,15 @@ def crossing(spec: Spec) -> list[Stage]:
     """Return the stages that let particles in and out, before a list is made."""
     if spec.open_axis < 0:
         return []
-    count, place, cross = make_crossing(spec)
+    count, place, write = make_births(spec)
+    cross, count_in = make_crossing(spec)
     blocks = BLOCKS[spec.row_list]
     return [
-        Stage("births", count, blocks, "buffer particles that have come in"),
-        Stage("births_place", place, "one", "is there room for those that follow them"),
+        Stage("births", count, blocks, "rows of the inlets that go on"),
+        Stage("births_place", place, "one", "is there room for them"),
+        Stage("births_write", write, blocks, "new particles of these rows"),
         Stage("crossing", cross, blocks, "fluid that comes in and goes out"),
-        Stage("births_count", make_count_in(), "one", "counts particles and mass"),
+        Stage("crossing_count", count_in, "one", "counts particles and mass"),
     ]
 
 
