@@ -29,7 +29,7 @@ RANGE = 3  # cells around a site that are searched: particles move up to 0.28 of
 import os
 SLOPE_V = float(os.environ.get("SLOPE_V", "1"))
 SLOPE_P = float(os.environ.get("SLOPE_P", "1"))
-LEAST_SPREAD = 1.0e-3  # determinant of the normed moment below which the fluid at a site is too thin for a slope
+LEAST_PIVOT = 1.0e-4  # of the normed moments in spacings of h, below which the fluid at a site is too thin for a fit
 
 
 @functools.cache
@@ -63,51 +63,103 @@ def make_signal() -> Any:
     return signal_at
 
 
+def basis_size(dimension: int) -> int:
+    """Return how many terms the fit at a side has: 1, a slope an axis, and what is quadratic along the side."""
+    across = dimension - 1
+    return 1 + dimension + across * (across + 1) // 2
+
+
+@functools.cache
+def make_solve(size: int) -> Any:
+    """Return the `wp.func` solve(m, b) of a symmetric positive matrix by elimination; (pivots are above 0, solution)."""
+    row = wp.types.vector(length=size, dtype=wp.float64)
+    square = wp.types.matrix(shape=(size, size), dtype=wp.float64)
+
+    @wp.func
+    def solve(m: square, b: row):
+        u = m + square()
+        x = b + row()
+        good = bool(True)
+        for k in range(size):
+            if u[k, k] < wp.float64(LEAST_PIVOT):
+                good = False
+                u[k, k] = wp.float64(1.0)
+            for i in range(k + 1, size):
+                share = u[i, k] / u[k, k]
+                for j in range(k, size):
+                    u[i, j] = u[i, j] - share * u[k, j]
+                x[i] = x[i] - share * x[k]
+        for back in range(size):
+            k = size - 1 - back
+            total = x[k]
+            for j in range(k + 1, size):
+                total -= u[k, j] * x[j]
+            x[k] = total / u[k, k]
+        return good, x
+
+    return solve
+
+
 @functools.cache
 def make_fit(spec: Spec) -> Any:
-    """Return the `wp.func` fit(x, ...) -> (valid, pressure, its gradient, velocity) of the fluid around a point.
+    """Return the `wp.func` fit(x, ...) of the fluid around a site: struct of validity, pressure, its slope, velocity.
 
-    A linear least-squares fit, weighted with kernel and volume; without enough fluid for slopes the mean, without any none.
+    Least squares with the weights kernel times volume, linear across the side and quadratic along it: a linear fit would
+    take the curvature of a velocity profile for a velocity, and Z times that for a pressure. Without enough fluid for it the
+    mean, without any nothing.
     """
-    real, vec, mat, pair = types_of(spec)
-    d = spec.dimension
-    row = wp.types.vector(length=d + 1, dtype=real)
-    square = wp.types.matrix(shape=(d + 1, d + 1), dtype=real)
-    table = wp.types.matrix(shape=(d + 1, d + 1), dtype=real)
+    real, vec, _, pair = types_of(spec)
+    d, axis = spec.dimension, spec.open_axis
+    size = basis_size(d)
+    row = wp.types.vector(length=size, dtype=wp.float64)
+    square = wp.types.matrix(shape=(size, size), dtype=wp.float64)
+    values_of = wp.types.vector(length=d + 1, dtype=wp.float64)
+    table = wp.types.matrix(shape=(d + 1, size), dtype=wp.float64)
+    first_across, second_across = ([k for k in range(d) if k != axis] * 2)[:2]
     Params = make_params(d, spec.precision)
     Grid = make_grid(d, spec.precision)
     cell_of = make_cell_of(d, spec.precision)
     shape, _ = make_smoothing(spec.kernel, spec.precision)
     separation = separation_of(spec)
-    wraps = ([*spec.periodic, False, False])[:3]
-    px, py, pz = wraps
+    solve = make_solve(size)
+    px, py, pz = ([*spec.periodic, False, False])[:3]
 
     @wp.struct
     class Fitted:
         valid: int
-        pressure: real
-        gradient: vec
+        pressure: wp.float64
+        slope: wp.float64
         velocity: vec
 
     @wp.func
-    def lowest(c: int, n: int, periodic: bool):
-        result = c - RANGE
-        if periodic:
-            if n <= 2 * RANGE + 1:
-                result = 0
+    def terms(off: vec):
+        result = row()
+        result[0] = wp.float64(1.0)
+        result[1] = wp.float64(off[axis])
+        a = wp.float64(off[first_across])
+        result[2] = a
+        if wp.static(d == 2):
+            result[3] = a * a
         else:
-            result = wp.max(result, 0)
+            b = wp.float64(off[second_across])
+            result[3] = b
+            result[4] = a * a
+            result[5] = b * b
+            result[6] = a * b
         return result
 
     @wp.func
-    def highest(c: int, n: int, periodic: bool):
-        result = c + RANGE
+    def window(c: int, n: int, periodic: bool):
+        low = c - RANGE
+        high = c + RANGE
         if periodic:
             if n <= 2 * RANGE + 1:
-                result = n - 1
+                low = 0
+                high = n - 1
         else:
-            result = wp.min(result, n - 1)
-        return result
+            low = wp.max(low, 0)
+            high = wp.min(high, n - 1)
+        return low, high + 1
 
     @wp.func
     def fit(
@@ -121,48 +173,46 @@ def make_fit(spec: Spec) -> Any:
         zone: wp.array(dtype=wp.int8),
     ):
         c = cell_of(x, grid)
+        x0, x1 = window(c[0], grid.nx, px)
+        y0, y1 = window(c[1], grid.ny, py)
+        z0, z1 = window(c[2], grid.nz, pz)
         moment = square()
-        right = table()  # a row for each of pressure and velocity, a column for each basis function
-        for cz in range(lowest(c[2], grid.nz, pz), highest(c[2], grid.nz, pz) + 1):
-            for cy in range(lowest(c[1], grid.ny, py), highest(c[1], grid.ny, py) + 1):
-                for cx in range(lowest(c[0], grid.nx, px), highest(c[0], grid.nx, px) + 1):
+        right = table()  # a row for each of pressure and velocity, a column for each term
+        for cz in range(z0, z1):
+            for cy in range(y0, y1):
+                for cx in range(x0, x1):
                     line = ((cz + grid.nz) % grid.nz) * grid.ny + (cy + grid.ny) % grid.ny
                     cell = line * grid.nx + (cx + grid.nx) % grid.nx
                     for j in range(cell_start[cell], cell_start[cell + 1]):
                         if int(zone[j]) == FLUID:
                             off = separation(position[j], x, True, params) * params.inv_h
-                            weight = shape(wp.length(off)) * state[j][1]
-                            if weight > real(0.0):
-                                basis = row()
-                                values = row()
-                                basis[0] = real(1.0)
-                                values[0] = state[j][0]
+                            weight = wp.float64(shape(wp.length(off)) * state[j][1])
+                            if weight > wp.float64(0.0):
+                                basis = terms(off)
+                                found = values_of()
+                                found[0] = wp.float64(state[j][0])
                                 for a in range(wp.static(d)):
-                                    basis[a + 1] = off[a]
-                                    values[a + 1] = velocity[j][a]
+                                    found[a + 1] = wp.float64(velocity[j][a])
                                 moment += weight * wp.outer(basis, basis)
-                                right += weight * wp.outer(values, basis)
+                                right += weight * wp.outer(found, basis)
         result = Fitted()
         total = moment[0, 0]
         result.valid = 0
-        if total > real(0.0):
+        if total > wp.float64(0.0):
             result.valid = 1
-            normed = moment / total
-            first = row()
-            first[0] = real(1.0)
-            sloped = wp.determinant(normed) > real(LEAST_SPREAD)
-            inverse = square()
-            if sloped:
-                inverse = wp.inverse(normed)
-                first = inverse * first
-            solved = right * first / total
-            result.pressure = solved[0]
+            unit = row()
+            unit[0] = wp.float64(1.0)
+            good, first = solve(moment / total, unit)
+            if good:
+                unit[0] = wp.float64(0.0)
+                unit[1] = wp.float64(1.0)
+                _, second = solve(moment / total, unit)
+                result.slope = wp.dot(right[0], second) / total * wp.float64(params.inv_h)
+            else:
+                first = unit
+            result.pressure = wp.dot(right[0], first) / total
             for a in range(wp.static(d)):
-                result.velocity[a] = solved[a + 1]
-            if sloped:
-                slopes = inverse * right[0] / total
-                for a in range(wp.static(d)):
-                    result.gradient[a] = slopes[a + 1] * params.inv_h
+                result.velocity[a] = real(wp.dot(right[a + 1], first) / total)
         return result
 
     return fit
@@ -219,10 +269,10 @@ def make_face(spec: Spec) -> Any:
         wanted_velocity = site_velocity[k] * real(factor)
         background = wp.float64(phases[0].background)
         if inside.valid == 0:
-            inside.pressure = real(background)
+            inside.pressure = background
             inside.velocity = wanted_velocity
         z = wp.float64(phases[0].impedance)
-        p = wp.float64(inside.pressure)
+        p = inside.pressure
         u = wp.float64(inside.velocity[axis] * side.outward)
         going = p + z * u
         given = wp.float64(site_pressure[k]) * factor + background
@@ -240,7 +290,7 @@ def make_face(spec: Spec) -> Any:
                 held = memory[0] + per_given * (given - memory[1])
                 coming = held + (coming - held) * (wp.float64(1.0) - wp.exp(-side.relaxation * clock[STEP]))
         site_memory[k] = wp.vec2d(coming, given)
-        face_pressure[k] = pair(real(wp.float64(0.5) * (going + coming)), inside.gradient[axis] * side.outward)
+        face_pressure[k] = pair(real(wp.float64(0.5) * (going + coming)), real(inside.slope) * side.outward)
         normal = real(wp.float64(0.5) * (going - coming) / z)
         v = wanted_velocity
         if side.gives_velocity == 0:
