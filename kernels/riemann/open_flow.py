@@ -26,9 +26,6 @@ from warpsph.kernels.core.smoothing import make_smoothing
 from warpsph.kernels.core.spec import Spec, types, types_of
 
 RANGE = 3  # cells around a site that are searched: particles move up to 0.28 of the support between two lists
-import os
-SLOPE_V = float(os.environ.get("SLOPE_V", "1"))
-SLOPE_P = float(os.environ.get("SLOPE_P", "1"))
 LEAST_PIVOT = 1.0e-4  # of the normed moments in spacings of h, below which the fluid at a site is too thin for a fit
 
 
@@ -372,10 +369,6 @@ def make_buffer(spec: Spec) -> Any:
             p /= total
             slope /= total
             v /= total
-        if side.gives_velocity == 1:
-            slope *= real(wp.static(SLOPE_V))
-        else:
-            slope *= real(wp.static(SLOPE_P))
         p += slope * beyond(x, side, axis)
         s = excess_of(p - phases[0].background, phases[0].stiffness, phases[0].gamma)
         if v[axis] * side.outward < real(0.0):

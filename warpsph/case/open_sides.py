@@ -48,10 +48,10 @@ class OpenSide(CaseModel):
     )
     waves: _Waves = Field(default="reflect")
     relaxation: Annotated[float, NumberRule(above=0, most=100)] = Field(
-        default=0.25,
-        description="waves: leave: rate at which the mean comes back to what is given, in sound speeds over the length of "
+        default=0.1,
+        description="rate at which the mean comes back to what is given where waves leave, in sound speeds over the length of "
         "the domain",
-        examples=["0.25"],
+        examples=["0.1"],
     )
     sponge: Sponge | None = Field(default=None, description="layer that damps what comes near", examples=["{length: 1}"])
 

@@ -11,6 +11,8 @@
 | strays | the name of each phase |
 | interface_length | interface_length |
 | wall_force | force_x ..., and `force_x block` ... for each body |
+| flow_rate | `flow x_lower`, `through x_lower`, `face_pressure x_lower` ... of each inlet and outlet |
+| reattachment | separation, reattachment |
 | points, line | position and fields, one row for each point |
 
 What each looks at is in its `needs`.
@@ -37,6 +39,7 @@ from warpsph.case.columns import OWN_COLUMNS, Column
 from warpsph.case.gauge_models import REGISTERED, GaugeModel
 from warpsph.errors import CaseError, Problem, listed
 from warpsph.files.output import Schedule
+from warpsph.measure.flow_gauges import FlowRateGauge, ReattachmentGauge
 from warpsph.measure.gauge import Gauge, Needs
 from warpsph.measure.gauge_files import GaugeFile
 from warpsph.measure.phase_gauges import (
@@ -64,6 +67,8 @@ GAUGES: dict[str, type[Gauge]] = {
     "wall_force": WallForceGauge,
     "points": PointsGauge,
     "line": LineGauge,
+    "flow_rate": FlowRateGauge,
+    "reattachment": ReattachmentGauge,
 }
 
 

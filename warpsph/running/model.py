@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import gc
 import math
 import os
@@ -22,6 +21,7 @@ from warpsph.errors import WarpsphError
 from warpsph.kernels.core import clock as ck
 from warpsph.kernels.core.leaks import LARGEST, LAST
 from warpsph.kernels.core.mirror import FREE_SLIP, NO_SLIP, NO_WALL, make_sides
+from warpsph.kernels.core.open_sides import FLUID as IN_FLUID
 from warpsph.kernels.core.params import make_params, make_phase
 from warpsph.kernels.core.smoothing import KERNELS, window_integral
 from warpsph.kernels.core.spec import types_of
@@ -102,6 +102,8 @@ class Model:
             self.geometry = build(case, self.physics.support, unlock, arrange)
         counts = self.geometry.fluid_count, self.geometry.wall_count
         room = self.scheme.room(case, self.geometry, self.physics)
+        self._sums: DeviceSums | None = None
+        self._grown = 0
         self.particles = Population(self.physics.spec, self.scheme.fields(), *counts, self.device, room)
         self._fill()
         self.stepper = self._make_stepper()
@@ -325,20 +327,36 @@ class Model:
         """Return a host copy of the state, rows in the order of the particle ids, velocity at the time of the positions."""
         return copy_state(self).snapshot()
 
-    @functools.cached_property
+    @property
     def sums(self) -> DeviceSums:
         """Sums of the state over phases, walls and interfaces.
 
         Raises:
             WarpsphError: the number of particles changes, which these sums do not follow.
         """
-        if self.particles.changing:
+        if self._sums is not None and self._grown == self.particles.grown:
+            return self._sums
+        if self.particles.changing and "zone" not in self.particles.arrays:
             raise WarpsphError(
                 f"gauges: those that add up particles do not follow the births and deaths of scheme {self.scheme.name}; "
                 "take a gauge that reads the particles themselves"
             )
         scene = Scene(self.case, eos_of_run(self.case, self.physics.sound_speed))
-        return DeviceSums(self.particles, self.launcher, self.stepper.clock, scene, self.case.spacing, self.scheme.staggered)
+        staggered = self.scheme.staggered
+        self._sums = DeviceSums(self.particles, self.launcher, self.stepper.clock, scene, self.case.spacing, staggered)
+        self._grown = self.particles.grown
+        return self._sums
+
+    @property
+    def fluid_count(self) -> int:
+        """Fluid particles in the domain, without those in the buffers of open sides."""
+        if "zone" not in self.particles.arrays:
+            return self.particles.fluid_count
+        return int(np.count_nonzero(self.particles.get("zone") == IN_FLUID))
+
+    def flow_rates(self) -> dict[str, float]:
+        """Return what goes through inlets and outlets, see `warpsph.measure.flow_gauges`."""
+        return self.scheme.flow_rates(self.case, self.geometry, self.physics, self.stepper.bindings)
 
     def interface_length(self) -> float:
         """Return the length (3-D: area) of all interfaces: the volume integral of |grad C| [m^(d-1)]."""

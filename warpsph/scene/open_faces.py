@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
     from warpsph.case.case import Case
     from warpsph.case.open_sides import OpenSide
+    from warpsph.scene.geometry import Geometry
     from warpsph.scene.lattice import Lattice
 
 MOST_SAMPLES = 1 << 20
@@ -86,15 +87,26 @@ def buffer_layers(support: float, skin: float, spacing: float) -> int:
     return math.ceil((support + 0.25 * support * (1.0 + skin)) / spacing + 1.0)
 
 
-def make_faces(case: Case, lattice: Lattice, solid: NDArray[np.bool_] | None, support: float, skin: float) -> list[Face]:
-    """Return the inlets and outlets of a case.
+def solid_cells(geometry: Geometry) -> NDArray[np.bool_]:
+    """Return which cells of the domain a body fills."""
+    lattice = geometry.lattice
+    walls = geometry.position[geometry.kind == 1]
+    index = np.floor((walls - np.array(lattice.lower)) / np.array(lattice.spacing)).astype(int)
+    inside = ((index >= 0) & (index < np.array(lattice.count))).all(axis=1)
+    solid = np.zeros(lattice.count, dtype=np.bool_)
+    solid[tuple(index[inside].T)] = True
+    return solid
 
-    lattice: cells of the domain; solid: those that a body fills, or None
+
+def make_faces(case: Case, geometry: Geometry, support: float, skin: float) -> list[Face]:
+    """Return the inlets and outlets of a case whose particles are known.
+
     support: support radius, m; skin: of the neighbour list, as share of it
 
     Raises CaseError where a profile has no finite value.
     """
     problems: list[Problem] = []
+    lattice, solid = geometry.lattice, solid_cells(geometry)
     faces = []
     for name, axis, end, flow in open_sides(case):
         others = [k for k in range(lattice.dimension) if k != axis]
@@ -104,10 +116,8 @@ def make_faces(case: Case, lattice: Lattice, solid: NDArray[np.bool_] | None, su
         for k, values in zip(others, grid, strict=True):
             position[:, k] = values.ravel()
         position[:, axis] = (lattice.lower, lattice.upper)[end][axis]
-        free = np.ones(len(position), dtype=np.bool_)
-        if solid is not None:
-            first = np.moveaxis(solid, axis, 0)[-1 if end else 0]
-            free = ~np.asarray(first.T if first.ndim == 2 else first).ravel()
+        first = np.moveaxis(solid, axis, 0)[-1 if end else 0]
+        free = ~np.asarray(first.T if first.ndim == 2 else first).ravel()
         path = f"domain.boundary.{AXES[axis]}.{('lower', 'upper')[end]}.{'outlet' if end_is_outlet(case, axis, end) else 'inlet'}"
         velocity, pressure = _given(flow, position, path, problems)
         count = [*(len(values) for values in axes), 1][:2]
@@ -151,6 +161,36 @@ def fill_sites(faces: list[Face], lattice: Lattice) -> tuple[NDArray[np.float64]
             places.append(rows)
             numbers.append(np.full(len(rows), number, dtype=np.int8))
     return np.concatenate(places), np.concatenate(numbers)
+
+
+def given_scales(case: Case, geometry: Geometry) -> tuple[float, float, float]:
+    """Return (largest speed given [m/s], largest pressure given [Pa], speed that given pressures may drive [m/s]).
+
+    A difference of pressure drives sqrt(2 dp/rho) at most, or in a viscous channel dp/L H^2/(8 mu), H its smallest width.
+    """
+    lattice = geometry.lattice
+    faces = make_faces(case, geometry, 0.0, 0.0)
+    times = np.linspace(0.0, case.end_time, 1001)
+    speed, pressures = 0.0, []
+    for face in faces:
+        ramp = face.flow.ramp
+        factors = np.ones(1) if ramp is None else np.atleast_1d(ramp.evaluate(t=times))
+        speed = max(speed, float(np.linalg.norm(face.velocity[face.free], axis=1).max(initial=0.0) * np.abs(factors).max()))
+        if not face.gives_velocity:
+            ends = np.outer((face.pressure.min(), face.pressure.max()), (factors.min(), factors.max()))
+            pressures += [float(ends.min()), float(ends.max())]
+    if len({face.end for face in faces if not face.gives_velocity}) < 2:
+        return speed, max(map(abs, pressures), default=0.0), 0.0
+    drop = max(pressures) - min(pressures)
+    light = min(phase.density for phase in case.phases.values())
+    driven = math.sqrt(2.0 * drop / light)
+    thin = min((phase.viscosity for phase in case.phases.values()), default=0.0)
+    widths = [high - low for k, (low, high) in enumerate(zip(lattice.lower, lattice.upper, strict=True))
+              if case.sides[k].lower.wall == "no_slip" and case.sides[k].upper.wall == "no_slip"]  # fmt: skip
+    if thin > 0 and widths:
+        axis = faces[0].axis
+        driven = min(driven, drop / (lattice.upper[axis] - lattice.lower[axis]) * min(widths) ** 2 / (8.0 * thin))
+    return speed, max(map(abs, pressures)), driven
 
 
 def signal_samples(faces: list[Face], end_time: float, step: float) -> tuple[list[NDArray[np.float64]], float]:

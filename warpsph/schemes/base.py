@@ -108,6 +108,10 @@ class Scheme:
 
     # what is read off a run -----------------------------------------------------------------------------------------
 
+    def flow_rates(self, case: Any, geometry: Geometry, physics: Physics, bindings: Mapping[str, Any]) -> dict[str, float]:
+        """Return what goes through inlets and outlets, for gauges; see `warpsph.measure.flow_gauges`."""
+        return {}
+
     def memory_beside(self, spec: Spec, fluid: int, entries: int) -> int:
         """Return the bytes on the device beside fields and list, of so many particles with so many list entries each."""
         return 0

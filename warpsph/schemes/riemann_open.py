@@ -39,16 +39,8 @@ class OpenRun:
 
 def open_run(case: Case, geometry: Geometry, physics: Physics) -> OpenRun:
     """Return the open sides of a case whose particles are known. Raises CaseError as `make_faces`."""
-    solid = None
-    lattice = geometry.lattice
-    walls = geometry.position[geometry.kind == 1]
-    index = np.floor((walls - np.array(lattice.lower)) / np.array(lattice.spacing)).astype(int)
-    inside = ((index >= 0) & (index < np.array(lattice.count))).all(axis=1)
-    if inside.any():
-        solid = np.zeros(lattice.count, dtype=np.bool_)
-        solid[tuple(index[inside].T)] = True
-    faces = make_faces(case, lattice, solid, physics.support, float(physics.choices["skin"]))
-    return OpenRun(faces, *fill_sites(faces, lattice))
+    faces = make_faces(case, geometry, physics.support, float(physics.choices["skin"]))
+    return OpenRun(faces, *fill_sites(faces, geometry.lattice))
 
 
 def room(found: OpenRun, fluid_count: int) -> int:
@@ -128,3 +120,26 @@ def _sides(
         site += len(face.position)
         signal += len(factors)
     return rows
+
+
+def flow_rates(case: Case, geometry: Geometry, physics: Physics, bindings: Any) -> dict[str, float]:
+    """Return `flow <side>` [kg/s], `through <side>` [kg], `face_pressure <side>` [Pa]; 2-D: per metre of depth.
+
+    Flow and mass count positive where they go into the domain. The flow is the sum over the sites of a side; the mass is
+    that of the particles that have crossed it since the start, counted whenever a neighbour list is made.
+    """
+    phase = case.phases[case.phase_names[0]]
+    stiffness = phase.density * physics.sound_speed[0] ** 2 / phase.gamma
+    pressure = bindings["face_pressure"].numpy()[:, 0].astype(np.float64)
+    velocity = bindings["face_velocity"].numpy().astype(np.float64)
+    through = bindings["through"].numpy().reshape(-1, 2)
+    density = phase.density * np.power(1.0 + (pressure - phase.background_pressure) / stiffness, 1.0 / phase.gamma)
+    rates, site = {}, 0
+    for number, face in enumerate(make_faces(case, geometry, physics.support, float(physics.choices["skin"]))):
+        here = np.arange(site, site + len(face.position))[face.free]
+        site += len(face.position)
+        area = geometry.lattice.cell_volume / geometry.lattice.spacing[face.axis]
+        rates[f"flow {face.name}"] = float(-face.outward * area * (density[here] * velocity[here, face.axis]).sum())
+        rates[f"through {face.name}"] = float(through[number, 0] - through[number, 1])
+        rates[f"face_pressure {face.name}"] = float(pressure[here].mean())
+    return rates

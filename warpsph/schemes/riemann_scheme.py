@@ -106,6 +106,14 @@ class RiemannScheme(Scheme):
 
         return riemann_open.arguments(riemann_open.open_run(case, geometry, physics), case, geometry, physics, device)
 
+    def flow_rates(self, case: Any, geometry: Geometry, physics: Physics, bindings: Mapping[str, Any]) -> dict[str, float]:
+        """Return the flow, mass and pressure of each inlet and outlet."""
+        from warpsph.schemes import riemann_open
+
+        if physics.spec.open_axis < 0:
+            return {}
+        return riemann_open.flow_rates(case, geometry, physics, bindings)
+
     def set_clock(self, clock: np.ndarray, counters: np.ndarray, physics: Physics) -> None:
         """Set the sound that limits the step, and when the rare stages run."""
         import math
