@@ -47,6 +47,9 @@ def make_open_side(dimension: int, precision: str) -> Any:
         second_spacing: real
         first_wraps: int  # whether the transverse axis is periodic
         second_wraps: int
+        sponge_length: real  # of the layer inside that damps [m]; 0 for none
+        sponge_rate: real  # of it at the side [1/s]
+        sponge_moves: int  # whether it draws the velocity
         signal_begin: int  # place of its factors among `signals`
         signal_count: int
 

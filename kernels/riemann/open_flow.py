@@ -1,4 +1,4 @@
-"""The flow at inlets and outlets: a fit of the fluid inside, characteristics at the side, values of the buffers (theory: riemann#a11).
+"""The flow at inlets and outlets: what arrives from inside, characteristics, values of the buffers (theory: riemann#a11).
 
 At each site of an open side a linear fit of pressure and velocity of the fluid, not of the buffers, gives what arrives from
 inside, w_out = p + Z u_n (n points outwards). What comes in, w_in = p - Z u_n, is such that the side has what is given, at
@@ -26,6 +26,7 @@ from warpsph.kernels.core.smoothing import make_smoothing
 from warpsph.kernels.core.spec import Spec, types, types_of
 
 RANGE = 3  # cells around a site that are searched: particles move up to 0.28 of the support between two lists
+LEAST_WEIGHT = 0.1  # of the sites next to a particle that have fluid before them
 LEAST_PIVOT = 1.0e-4  # of the normed moments in spacings of h, below which the fluid at a site is too thin for a fit
 
 
@@ -47,7 +48,7 @@ def make_excess(precision: str) -> Any:
 
 @functools.cache
 def make_signal() -> Any:
-    """Return the `wp.func` signal_at(time, begin, count, step, signals): a factor sampled every `step` [s], in between linear."""
+    """Return the `wp.func` signal_at(time, begin, count, step, signals): a factor sampled every `step` [s]."""
 
     @wp.func
     def signal_at(time: wp.float64, begin: int, count: int, step: wp.float64, signals: wp.array(dtype=wp.float64)):
@@ -301,31 +302,51 @@ def make_face(spec: Spec) -> Any:
 
 
 @functools.cache
-def make_buffer(spec: Spec) -> Any:
-    """Return the kernel that gives the buffer particles the pressure and velocity that the sides continue outwards.
+def make_site_at(spec: Spec) -> Any:
+    """Return the `wp.func` site_at(x, side, corner) -> (site, weight) of the linear interpolation between sites of a side.
 
-    What comes in takes the volume of its cell, so that it has the density that goes with the pressure; what goes out keeps
-    its mass.
+    corner: 0 to 3, of the cell of sites around the point. Half a spacing beyond the last site the line is continued.
     """
-    real, vec, mat, pair = types_of(spec)
-    Phase = make_phase(spec.precision)
+    real, vec, _, _ = types_of(spec)
     OpenSide = make_open_side(spec.dimension, spec.precision)
-    beyond = make_outward(spec.dimension, spec.precision)
-    excess_of = make_excess(spec.precision)
-    axis = spec.open_axis
 
     @wp.func
-    def site_along(place: real, count: int, wraps: int, end: int):
-        # the site before (end 0) or after (end 1) a place counted in sites, and its share
-        before = wp.clamp(int(wp.floor(place)), 0, wp.max(count - 2, 0))
-        if wraps == 1:
-            before = int(wp.floor(place))
+    def along(place: real, count: int, wraps: int, end: int):
+        before = int(wp.floor(place))
+        if wraps == 0:
+            before = wp.clamp(before, 0, wp.max(count - 2, 0))
         share = wp.clamp(place - real(before), real(-0.5), real(1.5))
         if count == 1:
             share = real(0.0)
         if end == 0:
             share = real(1.0) - share
         return (before + end + count) % count, share
+
+    @wp.func
+    def site_at(x: vec, side: OpenSide, corner: int):
+        a = (x[side.first_axis] - side.first_origin) / side.first_spacing
+        b = (x[side.second_axis] - side.second_origin) / side.second_spacing
+        m, first_share = along(a, side.first_count, side.first_wraps, corner & 1)
+        n, second_share = along(b, side.second_count, side.second_wraps, corner >> 1)
+        return side.first_site + n * side.first_count + m, first_share * second_share
+
+    return site_at
+
+
+@functools.cache
+def make_buffer(spec: Spec) -> Any:
+    """Return the kernel that gives the buffer particles the pressure and velocity that the sides continue outwards.
+
+    What comes in takes the volume of its cell, so that it has the density that goes with the pressure; what goes out keeps
+    its mass.
+    """
+    real, vec, _, pair = types_of(spec)
+    Phase = make_phase(spec.precision)
+    OpenSide = make_open_side(spec.dimension, spec.precision)
+    beyond = make_outward(spec.dimension, spec.precision)
+    excess_of = make_excess(spec.precision)
+    site_at = make_site_at(spec)
+    axis = spec.open_axis
 
     @wp.kernel(module="unique", enable_backward=False)
     def buffer_state(
@@ -349,27 +370,19 @@ def make_buffer(spec: Spec) -> Any:
             return
         side = open_sides[which]
         x = position[i]
-        a = (x[side.first_axis] - side.first_origin) / side.first_spacing
-        b = (x[side.second_axis] - side.second_origin) / side.second_spacing
         total = real(0.0)
-        p = real(0.0)
-        slope = real(0.0)
+        face = pair()
         v = vec()
         for corner in range(4):
-            m, share_m = site_along(a, side.first_count, side.first_wraps, corner & 1)
-            n, share_n = site_along(b, side.second_count, side.second_wraps, corner >> 1)
-            k = side.first_site + n * side.first_count + m
+            k, weight = site_at(x, side, corner)
             if site_open[k] == wp.uint8(1):
-                weight = share_m * share_n
                 total += weight
-                p += weight * face_pressure[k][0]
-                slope += weight * face_pressure[k][1]
+                face += weight * face_pressure[k]
                 v += weight * face_velocity[k]
-        if wp.abs(total) > real(0.1):
-            p /= total
-            slope /= total
+        if wp.abs(total) > real(LEAST_WEIGHT):
+            face /= total
             v /= total
-        p += slope * beyond(x, side, axis)
+        p = face[0] + face[1] * beyond(x, side, axis)
         s = excess_of(p - phases[0].background, phases[0].stiffness, phases[0].gamma)
         if v[axis] * side.outward < real(0.0):
             rest_volume[i] = cell_volume * (real(1.0) + s)
@@ -378,3 +391,58 @@ def make_buffer(spec: Spec) -> Any:
         state[i] = pair(p, rest_volume[i] / (real(1.0) + s))
 
     return buffer_state
+
+
+@functools.cache
+def make_sponge(spec: Spec) -> Any:
+    """Return the kernel of the layers inside of open sides that draw the flow to what is given there (theory: riemann#a11).
+
+        a -= s (c/L) (1 - x/L)^2 (v - v_given),  the density likewise where a pressure is given; x: distance to the side
+    """
+    real, vec, _, _ = types_of(spec)
+    Phase = make_phase(spec.precision)
+    OpenSide = make_open_side(spec.dimension, spec.precision)
+    beyond = make_outward(spec.dimension, spec.precision)
+    excess_of, site_at, signal_at = make_excess(spec.precision), make_site_at(spec), make_signal()
+    axis = spec.open_axis
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def sponge(
+        first: int,
+        clock: wp.array(dtype=wp.float64),
+        phases: wp.array(dtype=Phase),
+        open_sides: wp.array(dtype=OpenSide),
+        signals: wp.array(dtype=wp.float64),
+        signal_step: wp.float64,
+        site_pressure: wp.array(dtype=real),
+        sponge_velocity: wp.array(dtype=vec),
+        position: wp.array(dtype=vec),
+        velocity: wp.array(dtype=vec),
+        zone: wp.array(dtype=wp.int8),
+        density_excess: wp.array(dtype=real),
+        acceleration: wp.array(dtype=vec),
+    ):
+        i = wp.tid() + first
+        if int(zone[i]) != FLUID:
+            return
+        x = position[i]
+        for number in range(open_sides.shape[0]):
+            side = open_sides[number]
+            share = real(1.0) + beyond(x, side, axis) / wp.max(side.sponge_length, real(1.0e-30))
+            if side.sponge_length > real(0.0) and share > real(0.0):
+                rate = side.sponge_rate * share * share
+                time = clock[TIME] + clock[STEP]
+                factor = real(signal_at(time, side.signal_begin, side.signal_count, signal_step, signals))
+                wanted = vec()
+                p = real(0.0)
+                for corner in range(4):
+                    k, weight = site_at(x, side, corner)
+                    wanted += (weight * factor) * sponge_velocity[k]
+                    p += weight * factor * site_pressure[k]
+                if side.sponge_moves == 1:
+                    acceleration[i] = acceleration[i] - rate * (velocity[i] - wanted)
+                if side.gives_velocity == 0:
+                    s = excess_of(p, phases[0].stiffness, phases[0].gamma)
+                    density_excess[i] = density_excess[i] - rate * real(clock[STEP]) * (density_excess[i] - s)
+
+    return sponge

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import BeforeValidator, Field, ModelWrapValidatorHandler, model_validator
 
@@ -41,6 +41,8 @@ class Sponge(CaseModel):
 class OpenSide(CaseModel):
     """What an inlet and an outlet have in common."""
 
+    word: ClassVar[str]
+
     ramp: _Signal | None = Field(
         default=None,
         description="factor on what is given, a formula in t (s) (default 1)",
@@ -48,12 +50,14 @@ class OpenSide(CaseModel):
     )
     waves: _Waves = Field(default="reflect")
     relaxation: Annotated[float, NumberRule(above=0, most=100)] = Field(
-        default=0.1,
-        description="rate at which the mean comes back to what is given where waves leave, in sound speeds over the length of "
-        "the domain",
+        default=0.25,
+        description="rate at which the mean comes back to what is given where waves leave, in sound speeds over the length "
+        "of the domain",
         examples=["0.1"],
     )
-    sponge: Sponge | None = Field(default=None, description="layer that damps what comes near", examples=["{length: 1}"])
+    sponge: Sponge | None = Field(
+        default=None, description="layer inside that damps what comes near", examples=["{length: 1}"]
+    )
 
     @property
     def given_velocity(self) -> tuple[Expression, ...] | None:
@@ -72,6 +76,8 @@ class OpenSide(CaseModel):
 
 class Inlet(OpenSide):
     """Where fluid comes in: its velocity is given and the pressure comes from inside, or the other way round."""
+
+    word: ClassVar[str] = "inlet"
 
     velocity: _Profile | None = Field(
         default=None,
@@ -103,6 +109,8 @@ class Inlet(OpenSide):
 
 class Outlet(OpenSide):
     """Where fluid goes out: the pressure is given, the velocity comes from inside."""
+
+    word: ClassVar[str] = "outlet"
 
     pressure: Formula | None = Field(
         default=None,

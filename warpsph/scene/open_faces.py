@@ -51,6 +51,7 @@ class Face:
     position: (m, d), m, on the side
     velocity: (m, d) given velocity, m/s, zero where the pressure is given
     pressure: (m,) given pressure, Pa, zero where the velocity is given
+    sponge_velocity: (m, d) velocity that a sponge draws the flow to, m/s
     free: (m,) whether there is fluid on the inner side
     layers: of buffer particles
     """
@@ -64,6 +65,7 @@ class Face:
     position: NDArray[np.float64]
     velocity: NDArray[np.float64]
     pressure: NDArray[np.float64]
+    sponge_velocity: NDArray[np.float64]
     free: NDArray[np.bool_]
     layers: int
 
@@ -118,37 +120,33 @@ def make_faces(case: Case, geometry: Geometry, support: float, skin: float) -> l
         position[:, axis] = (lattice.lower, lattice.upper)[end][axis]
         first = np.moveaxis(solid, axis, 0)[-1 if end else 0]
         free = ~np.asarray(first.T if first.ndim == 2 else first).ravel()
-        path = f"domain.boundary.{AXES[axis]}.{('lower', 'upper')[end]}.{'outlet' if end_is_outlet(case, axis, end) else 'inlet'}"
-        velocity, pressure = _given(flow, position, path, problems)
+        path = f"domain.boundary.{AXES[axis]}.{('lower', 'upper')[end]}.{flow.word}"
+        velocity, pressure, drawn = _given(flow, position, path, problems)
         count = [*(len(values) for values in axes), 1][:2]
         across = [*others, axis][:2]
         layers = buffer_layers(support, skin, lattice.spacing[axis])
-        faces.append(
-            Face(name, axis, end, flow, (across[0], across[1]), (count[0], count[1]), position, velocity, pressure, free, layers)
-        )
+        sites = (across[0], across[1]), (count[0], count[1])
+        faces.append(Face(name, axis, end, flow, *sites, position, velocity, pressure, drawn, free, layers))
     if problems:
         raise CaseError(problems)
     return faces
 
 
-def end_is_outlet(case: Case, axis: int, end: int) -> bool:
-    """Whether a side is an outlet."""
-    sides = case.sides[axis]
-    return (sides.lower, sides.upper)[end].outlet is not None
-
-
 def _given(flow: OpenSide, position: NDArray[np.float64], path: str, problems: list[Problem]) -> Any:
-    """Velocity (m, d) and pressure (m,) given at the sites."""
-    velocity, pressure = np.zeros_like(position), np.zeros(len(position))
+    """Velocity (m, d), pressure (m,) and velocity of the sponge (m, d) given at the sites."""
+    velocity, pressure, drawn = np.zeros_like(position), np.zeros(len(position)), np.zeros_like(position)
     places = list(position.T)
+    in_sponge = None if flow.sponge is None else flow.sponge.velocity or flow.given_velocity
     try:
         for k, formula in enumerate(flow.given_velocity or ()):
             velocity[:, k] = values_at(formula, places, (len(position),))
+        for k, formula in enumerate(in_sponge or ()):
+            drawn[:, k] = values_at(formula, places, (len(position),))
         if flow.given_pressure is not None:
             pressure[:] = values_at(flow.given_pressure, places, (len(position),))
     except ExpressionError as error:
         problems.append(Problem(path, error.text, error.rule_with_column, error.remedy))
-    return velocity, pressure
+    return velocity, pressure, drawn
 
 
 def fill_sites(faces: list[Face], lattice: Lattice) -> tuple[NDArray[np.float64], NDArray[np.int8]]:

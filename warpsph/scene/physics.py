@@ -170,8 +170,8 @@ def flow_scales(
     """Return the scales of the flow and the pressure [Pa] that each phase sees.
 
     velocity: largest of start, walls, inlets, channel flow driven by the body force or between given pressures, free fall
-    over the fluid's height (free surface) and capillary motion; pressure: hydrostatic head, Laplace jump, and what a body force builds up before walls
-    and bodies, and what inlets and outlets give.
+    over the fluid's height (free surface) and capillary motion; pressure: hydrostatic head, Laplace jump, what inlets and
+    outlets give, and what a body force builds up before walls and bodies.
     """
     phases = [case.phases[name] for name in case.phase_names]
     fluid = geometry.kind == 0

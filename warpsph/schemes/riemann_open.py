@@ -67,9 +67,9 @@ def arguments(found: OpenRun, case: Case, geometry: Geometry, physics: Physics, 
         return np.concatenate([getattr(face, name) for face in faces])
 
     row = geometry.lattice.spacing[spec.open_axis]
-    sound = max(physics.sound_speed)
+    rows = _sides(faces, case, geometry, samples, max(physics.sound_speed), spec)
     return {
-        "open_sides": array(_sides(faces, case, geometry, samples, sound, spec), make_open_side(spec.dimension, spec.precision)),
+        "open_sides": array(rows, make_open_side(spec.dimension, spec.precision)),
         "signals": array(np.concatenate(samples), wp.float64),
         "signal_step": wp.float64(step),
         "site_side": array(np.repeat(np.arange(len(faces)), [len(face.position) for face in faces]), int),
@@ -77,6 +77,7 @@ def arguments(found: OpenRun, case: Case, geometry: Geometry, physics: Physics, 
         "site_velocity": array(sites("velocity"), vec),
         "site_pressure": array(sites("pressure"), real),
         "site_open": array(sites("free"), wp.uint8),
+        "sponge_velocity": array(sites("sponge_velocity"), vec),
         "site_memory": wp.zeros(found.sites, dtype=wp.vec2d, device=device),
         "site_ahead": wp.full(found.sites, -0.5 * row, dtype=wp.float64, device=device),
         "row_spacing": wp.float64(row),
@@ -115,6 +116,10 @@ def _sides(
         row.second_origin = lattice.lower[second] + 0.5 * lattice.spacing[second]
         row.first_spacing, row.second_spacing = lattice.spacing[first], lattice.spacing[second]
         row.first_wraps, row.second_wraps = int(case.periodic[first]), int(case.periodic[second])
+        sponge = face.flow.sponge
+        if sponge is not None:
+            row.sponge_length, row.sponge_rate = sponge.length, sponge.strength * sound / sponge.length
+            row.sponge_moves = int(sponge.velocity is not None or face.gives_velocity)
         row.signal_begin, row.signal_count = signal, len(factors)
         rows.append(row)
         site += len(face.position)

@@ -19,7 +19,7 @@ from warpsph.kernels.riemann.interface import make_curvature, make_fraction, mak
 from warpsph.kernels.riemann.interface_flow import make_interface_flow
 from warpsph.kernels.riemann.load import make_load
 from warpsph.kernels.riemann.momentum import make_momentum
-from warpsph.kernels.riemann.open_flow import make_buffer, make_face
+from warpsph.kernels.riemann.open_flow import make_buffer, make_face, make_sponge
 from warpsph.kernels.riemann.volume import make_volume
 
 
@@ -50,6 +50,7 @@ def step(spec: Spec) -> list[Node]:
         *walls(spec),
         *([Rarely(rare)] if rare else []),
         Stage("momentum", make_momentum(spec), "fluid", "acceleration from star pressures"),
+        *sponge(spec),
         advance(spec),
         KeepList(),
     ]
@@ -104,6 +105,13 @@ def open_flow(spec: Spec, beginning: int = 0) -> list[Stage]:
         Stage("open_face", make_face(spec), "site_side", "what arrives at inlets and outlets", {"beginning": beginning}),
         Stage("open_buffer", make_buffer(spec), "fluid", "the flow beyond inlets and outlets"),
     ]
+
+
+def sponge(spec: Spec) -> list[Stage]:
+    """Return the stage of the damping layers inside of inlets and outlets."""
+    if not spec.sponge:
+        return []
+    return [Stage("sponge", make_sponge(spec), "fluid", "layers that draw the flow to what inlets and outlets give")]
 
 
 def crossing(spec: Spec) -> list[Stage]:

@@ -32,7 +32,7 @@ class RiemannScheme(Scheme):
     printed_ratio = 1.25
     staggered = True
     open_sides = True
-    kept = ("site_memory", "site_ahead", "through")
+    kept = ("site_memory", "site_ahead", "face_pressure", "face_velocity", "through")
     work = frozenset({"load", "velocity_old"})  # the latter of the wall stage, which knows schemes of two time levels
 
     def check(self, case: Any) -> Iterator[Problem]:
@@ -46,6 +46,9 @@ class RiemannScheme(Scheme):
                 if "open" in (sides.lower.kind, sides.upper.kind):
                     rule = f"needs a closed or periodic domain, {axis} is open"
                     yield Problem("numerics.volume_constraint", True, rule, "write auto or false")
+            if case.has_flow_through:
+                rule = "needs a closed or periodic domain; inlets and outlets give the pressure"
+                yield Problem("numerics.volume_constraint", True, rule, "write auto or false")
 
     def derive(self, case: Any, geometry: Geometry, row_list: bool) -> Physics:
         """Return the numbers of a run, see `riemann_physics`."""
