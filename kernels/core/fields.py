@@ -12,6 +12,8 @@ import warp as wp
 
 from .spec import Spec, types_of
 
+NOBODY, FLUID, BUFFER = 0, 1, 2  # of `zone`; BUFFER + k is the buffer of the open side k
+
 
 def always(spec: Spec) -> bool:
     """Every run."""

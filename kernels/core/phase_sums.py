@@ -11,7 +11,7 @@ from typing import Any
 import warp as wp
 
 from .clock import LAST_STEP
-from .open_sides import FLUID
+from .fields import FLUID
 from .spec import types
 
 # group -> (entries that are added, entries of which the largest is kept), in the order of `warpsph.measure.totals`

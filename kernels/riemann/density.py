@@ -10,7 +10,7 @@ import warp as wp
 
 from warpsph.kernels.core.clock import STEP
 from warpsph.kernels.core.eos import make_eos
-from warpsph.kernels.core.open_sides import FLUID
+from warpsph.kernels.core.fields import FLUID
 from warpsph.kernels.core.pair import NEAR, WRAPPED, list_access, separation_of
 from warpsph.kernels.core.params import make_params, make_phase
 from warpsph.kernels.core.smoothing import make_smoothing

@@ -13,7 +13,7 @@ from typing import Any
 import warp as wp
 
 from warpsph.kernels.core.clock import DRIFT_VELOCITY, EXCESS_PRESSURE, LAST_STEP, MAXIMA, RUNAWAY, STEP
-from warpsph.kernels.core.open_sides import FLUID, NOBODY
+from warpsph.kernels.core.fields import FLUID, NOBODY
 from warpsph.kernels.core.params import LEAST_DENSITY, make_phase
 from warpsph.kernels.core.spec import Spec, types_of
 

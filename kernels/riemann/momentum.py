@@ -27,7 +27,7 @@ from typing import Any
 import warp as wp
 
 from warpsph.kernels.core.clock import MAXIMA, STEP
-from warpsph.kernels.core.open_sides import FLUID
+from warpsph.kernels.core.fields import FLUID
 from warpsph.kernels.core.pair import BAND, NEAR, WRAPPED, list_access, separation_of
 from warpsph.kernels.core.params import make_params, make_phase
 from warpsph.kernels.core.smoothing import make_smoothing

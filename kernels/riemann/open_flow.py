@@ -1,4 +1,4 @@
-"""The flow at inlets and outlets: what arrives from inside, characteristics, values of the buffers (theory: riemann#a11).
+"""The flow at inlets and outlets: what arrives from inside, characteristics, values of the buffers (theory: riemann#open).
 
 At each site of an open side a linear fit of pressure and velocity of the fluid, not of the buffers, gives what arrives from
 inside, w_out = p + Z u_n (n points outwards). What comes in, w_in = p - Z u_n, is such that the side has what is given, at
@@ -18,8 +18,9 @@ import warp as wp
 
 from warpsph.kernels.core.cells import make_cell_of, make_grid
 from warpsph.kernels.core.clock import STEP, TIME
+from warpsph.kernels.core.crossing import make_open_side, make_outward
 from warpsph.kernels.core.eos import make_eos
-from warpsph.kernels.core.open_sides import BUFFER, FLUID, make_open_side, make_outward
+from warpsph.kernels.core.fields import BUFFER, FLUID
 from warpsph.kernels.core.pair import separation_of
 from warpsph.kernels.core.params import make_params, make_phase
 from warpsph.kernels.core.smoothing import make_smoothing
@@ -395,7 +396,7 @@ def make_buffer(spec: Spec) -> Any:
 
 @functools.cache
 def make_sponge(spec: Spec) -> Any:
-    """Return the kernel of the layers inside of open sides that draw the flow to what is given there (theory: riemann#a11).
+    """Return the kernel of the layers inside of open sides that draw the flow to what is given there (theory: riemann#open).
 
         a -= s (c/L) (1 - x/L)^2 (v - v_given),  the density likewise where a pressure is given; x: distance to the side
     """

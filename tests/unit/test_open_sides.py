@@ -11,7 +11,7 @@ from warpsph.case.case import Case
 from warpsph.errors import CaseError
 from warpsph.kernels.core import clock as ck
 from warpsph.kernels.core.eos import make_eos
-from warpsph.kernels.core.open_sides import BUFFER, FLUID
+from warpsph.kernels.core.fields import BUFFER, FLUID
 from warpsph.kernels.riemann.open_flow import make_excess, make_solve
 from warpsph.measure.flow_gauges import turns
 from warpsph.measure.totals import Motion

@@ -48,7 +48,7 @@ class OpenSide(CaseModel):
         description="factor on what is given, a formula in t (s) (default 1)",
         examples=['"minimum(t/0.5, 1)"'],
     )
-    waves: _Waves = Field(default="reflect")
+    waves: _Waves = Field(default="reflect", description="whether sound is thrown back", examples=["leave"])
     relaxation: Annotated[float, NumberRule(above=0, most=100)] = Field(
         default=0.25,
         description="rate at which the mean comes back to what is given where waves leave, in sound speeds over the length "

@@ -19,9 +19,9 @@ from warpsph.engine.population import Population
 from warpsph.engine.stepper import Stepper
 from warpsph.errors import WarpsphError
 from warpsph.kernels.core import clock as ck
+from warpsph.kernels.core.fields import FLUID as IN_FLUID
 from warpsph.kernels.core.leaks import LARGEST, LAST
 from warpsph.kernels.core.mirror import FREE_SLIP, NO_SLIP, NO_WALL, make_sides
-from warpsph.kernels.core.open_sides import FLUID as IN_FLUID
 from warpsph.kernels.core.params import make_params, make_phase
 from warpsph.kernels.core.smoothing import KERNELS, window_integral
 from warpsph.kernels.core.spec import types_of

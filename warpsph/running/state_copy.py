@@ -10,7 +10,7 @@ import numpy as np
 import warp as wp
 
 from warpsph.kernels.core import clock as ck
-from warpsph.kernels.core.open_sides import FLUID as IN_FLUID
+from warpsph.kernels.core.fields import FLUID as IN_FLUID
 from warpsph.snapshot import FLUID, OPTIONAL_FIELDS, WALL, Snapshot
 
 if TYPE_CHECKING:

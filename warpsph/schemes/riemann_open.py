@@ -52,7 +52,8 @@ def arguments(found: OpenRun, case: Case, geometry: Geometry, physics: Physics, 
     """Return the kernel arguments of the open sides by name, arrays on the device."""
     import warp as wp
 
-    from warpsph.kernels.core.open_sides import BLOCKS, BUFFER, MOST_SIDES, make_open_side
+    from warpsph.kernels.core.crossing import BLOCKS, MOST_SIDES, make_open_side
+    from warpsph.kernels.core.fields import BUFFER
     from warpsph.kernels.core.spec import types_of
 
     spec, faces = physics.spec, found.faces
@@ -98,7 +99,7 @@ def _sides(
     faces: list[Face], case: Case, geometry: Geometry, samples: list[np.ndarray], sound: float, spec: Any
 ) -> list[Any]:
     """Return an `OpenSide` of each face."""
-    from warpsph.kernels.core.open_sides import make_open_side
+    from warpsph.kernels.core.crossing import make_open_side
 
     lattice, rows, site, signal = geometry.lattice, [], 0, 0
     for face, factors in zip(faces, samples, strict=True):

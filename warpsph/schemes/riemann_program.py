@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from warpsph.engine.program import Absent, BuildList, KeepList, Node, Program, Rarely, Stage
 from warpsph.kernels.core.clock import make_advance
-from warpsph.kernels.core.open_sides import BLOCKS, make_births, make_crossing, make_fill
+from warpsph.kernels.core.crossing import BLOCKS, make_births, make_crossing, make_fill
 from warpsph.kernels.core.spec import Spec
 from warpsph.kernels.core.wall import make_wall
 from warpsph.kernels.riemann.contact import make_contact

@@ -1,4 +1,4 @@
-"""Inlets and outlets: layers of buffer particles beyond a side, which become fluid and are made of it (theory: riemann#a11).
+"""Inlets and outlets: layers of particles beyond a side, which become fluid and are made of it (theory: riemann#open).
 
 A buffer is `depth` thick and full of particles that move across the side alone, each row at the velocity of its site. What
 crosses the side inwards becomes fluid, fluid that crosses it outwards becomes a buffer particle, and what goes beyond the
@@ -13,9 +13,9 @@ from typing import Any
 import warp as wp
 
 from .clock import FAULT, FAULT_CAPACITY, LIVE, NEXT_ID, ROOM, RUNNING, WANTED
+from .fields import BUFFER, FLUID, NOBODY
 from .spec import Spec, types, types_of
 
-NOBODY, FLUID, BUFFER = 0, 1, 2  # of `zone`; BUFFER + k is the buffer of the open side k
 MOST_SIDES = 2
 BLOCKS = {True: 64, False: 1024}  # stretches of particles that births are counted in, on a CPU and on a GPU
 
