@@ -8,11 +8,12 @@ import warp as wp
 
 from tests.helpers import evaluate
 from warpsph.case.case import Case
+from warpsph.engine.program import Stage
 from warpsph.errors import CaseError
 from warpsph.kernels.core import clock as ck
 from warpsph.kernels.core.eos import make_eos
 from warpsph.kernels.core.fields import BUFFER, FLUID
-from warpsph.kernels.riemann.open_flow import make_excess, make_solve
+from warpsph.kernels.riemann.open_flow import make_excess, make_solve, make_sponge
 from warpsph.measure.flow_gauges import turns
 from warpsph.measure.totals import Motion
 from warpsph.running.model import Model
@@ -237,7 +238,8 @@ def pulse(device, waves):
     """The largest pressure that comes back from the outlet of a pulse that goes out there, over that of the pulse."""
     height, width, sound = 0.5, 0.5, 10.0
     case = scene(
-        THROUGH, **{OUTLET: {"pressure": 0, "waves": waves, "relaxation": 0.1}}, domain__upper=[4, 0.8], particle_spacing=0.05,
+        THROUGH, **{OUTLET: {"pressure": 0, "waves": waves, "relaxation": 0.1}},
+        domain__upper=[4, 0.8], particle_spacing=0.05,
         start__pressure=f"{height}*exp(-((x - 2)/{width})**2)",
         start__velocity=[f"1 + {height / (2 * sound)}*exp(-((x - 2)/{width})**2)", 0],
     )  # fmt: skip
@@ -252,6 +254,36 @@ def test_a_pulse_leaves(device):
     """Under 3 % of it come back; where the pressure is held nearly all does, less what the scheme damps."""
     assert pulse(device, "leave") < 0.03
     assert pulse(device, "reflect") > 0.5
+
+
+def test_a_sponge_draws_the_flow_to_what_is_given(device):
+    """Quadratically towards the side, the velocity at the inlet, the density at the outlet; nothing outside of it."""
+    sponges = {
+        INLET: {"velocity": [1, 0], "sponge": {"length": 0.4, "strength": 2.0}},
+        OUTLET: {"pressure": 3.0, "sponge": {"length": 0.3}},
+    }
+    model = prepared(scene(THROUGH), device)
+    level, case = model.stepper.levels[0], scene(THROUGH, **sponges)
+    values = riemann_open.arguments(
+        riemann_open.open_run(case, model.geometry, model.physics), case, model.geometry, model.physics, model.device
+    )
+    zone = model.particles.get("zone")
+    x = model.particles.get("position")[: len(zone), 0]
+    velocity = np.array(model.particles.get("velocity"))
+    velocity[:] = [1.5, 0.2]
+    zero = np.zeros_like(velocity)
+    for name, field in (("velocity", velocity), ("acceleration", zero), ("density_excess", zero[:, 0])):
+        model.particles.put(name, field)
+    model.stepper.write(clock={ck.STEP: 0.001})
+    level.task(Stage("sponge", make_sponge(level.spec), "fluid", ""), values).run()
+    fluid = zone == FLUID
+    rate = fluid * 2.0 * 10.0 / 0.4 * np.maximum(1.0 - x / 0.4, 0.0) ** 2
+    expected = -rate[:, None] * np.array([0.5, 0.2])
+    np.testing.assert_allclose(model.particles.get("acceleration"), expected, atol=2e-5)
+    rate = fluid * 3.0 * 10.0 / 0.3 * np.maximum(1.0 - (1.0 - x) / 0.3, 0.0) ** 2
+    stiffness = 2.0 * 10.0**2 / 7.0
+    expected = rate * 0.001 * ((1.0 + 3.0 / stiffness) ** (1.0 / 7.0) - 1.0)
+    np.testing.assert_allclose(model.particles.get("density_excess"), expected, atol=2e-7)
 
 
 # runs --------------------------------------------------------------------------------------------------------------

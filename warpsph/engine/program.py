@@ -172,8 +172,10 @@ def walk(nodes: Sequence[Node]) -> Iterator[Node]:
             yield from node.stages
 
 
-def lines(nodes: Sequence[Node], depth: int = 0) -> Iterator[tuple[int, str, str]]:
-    """Yield (depth, name, reason) of each node for people."""
+def lines(
+    nodes: Sequence[Node], depth: int = 0, changes: Sequence[Stage] = ()
+) -> Iterator[tuple[int, str, str]]:
+    """Yield (depth, name, reason) of each node for people; `changes` of the program stand below its lists."""
     for node in nodes:
         name = node.name if not isinstance(node, Substeps) else f"{node.name} ({node.times} times)"
         yield depth, name, node.reason
@@ -181,3 +183,5 @@ def lines(nodes: Sequence[Node], depth: int = 0) -> Iterator[tuple[int, str, str
             yield from lines(node.nodes, depth + 1)
         elif isinstance(node, Births):
             yield from lines(list(node.stages), depth + 1)
+        elif isinstance(node, BuildList | KeepList):
+            yield from lines(changes, depth + 1)
