@@ -178,16 +178,16 @@ def test_fit_is_exact_for_a_linear_pressure_and_a_parabola_along_the_side(device
 # what goes through -----------------------------------------------------------------------------------------------
 
 
-def test_uniform_flow_is_undisturbed_for_100_lengths(device):
-    """Not by a millionth, and the number of particles is that of the start; what comes in is rho U H."""
-    model = prepared(scene(THROUGH), device)
+def test_uniform_flow_goes_on_for_100_lengths(device):
+    """A disturbance of a tenth leaves and nothing comes after it: 1e-5 of U and of rho U^2, the number of particles steady."""
+    model = prepared(scene(THROUGH, start__velocity=["1 + 0.1*sin(2*pi*y/0.8)", 0], start__noise=0.1), device)
     count = model.fluid_count
     state = run(model, 100.0)
     assert abs(model.fluid_count - count) <= 8  # a row may be on its way in or out
     fluid = state.fluid
     assert len(fluid) == model.fluid_count
-    np.testing.assert_allclose(fluid.velocity, np.broadcast_to([1.0, 0.0], fluid.velocity.shape), atol=1e-6)
-    assert np.abs(fluid.pressure).max() < 1e-6 * 2.0
+    np.testing.assert_allclose(fluid.velocity, np.broadcast_to([1.0, 0.0], fluid.velocity.shape), atol=1e-5)
+    assert np.abs(fluid.pressure).max() < 1e-5 * 2.0
     masses = model.stepper.bindings["through"].numpy()
     assert masses[0] == pytest.approx(2.0 * 0.8 * 100.0, rel=0.002) and masses[1] == 0 == masses[2]
     assert len(np.unique(model.particles.get("particle_id"))) == model.particles.count
