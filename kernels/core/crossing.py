@@ -34,6 +34,7 @@ def make_open_side(dimension: int, precision: str) -> Any:
         face: real  # coordinate of the side [m]
         outward: real  # 1 at the upper side of the axis, -1 at the lower
         depth: real  # thickness of the buffer [m]
+        reach: real  # support of the smoothing kernel [m]
         gives_velocity: int  # 1 if the velocity is given, 0 if the pressure is
         relaxation: wp.float64  # rate at which what comes in from outside returns to what is given [1/s]; 0: at once
         first_site: int
@@ -193,6 +194,7 @@ def make_births(spec: Spec) -> tuple[Any, Any, Any]:
         carried: wp.array(dtype=vec),
         wall_impact: wp.array(dtype=real),
         particle_id: wp.array(dtype=int),
+        row_speed: wp.array(dtype=real),
         zone: wp.array(dtype=wp.int8),
         alive: wp.array(dtype=wp.uint8),
     ):
@@ -213,6 +215,7 @@ def make_births(spec: Spec) -> tuple[Any, Any, Any]:
                 offset[i] = vec()
                 position[i] = x
                 velocity[i] = face_velocity[k]
+                row_speed[i] = face_velocity[k][axis]
                 acceleration[i] = vec()
                 # too far out for the fluid to see; the coming step gives it density and volume
                 density_excess[i] = real(0.0)
@@ -255,6 +258,8 @@ def make_crossing(spec: Spec) -> tuple[Any, Any]:
         counters: wp.array(dtype=int),
         births: wp.array(dtype=int),
         position: wp.array(dtype=vec),
+        velocity: wp.array(dtype=vec),
+        row_speed: wp.array(dtype=real),
         acceleration: wp.array(dtype=vec),
         rest_volume: wp.array(dtype=real),
         shift: wp.array(dtype=vec),
@@ -285,6 +290,7 @@ def make_crossing(spec: Spec) -> tuple[Any, Any]:
                     if beyond(position[i], open_sides[other], axis) > real(0.0):
                         zone[i] = wp.int8(BUFFER + other)
                         crossed[2 * (MOST_SIDES * block + other) + 1] += rest_mass * wp.float64(rest_volume[i])
+                        row_speed[i] = velocity[i][axis]
                         acceleration[i] = vec()
                         if wp.static(spec.shifting):
                             shift[i] = vec()

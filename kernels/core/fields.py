@@ -108,6 +108,7 @@ FLOW: tuple[Field, ...] = (
     Field("shift", "vec", "fluid", True, shifting, "m", "shift to apply in the next drift"),
     Field("carried", "vec", "fluid", True, shifting, "m/s", "change of velocity that belongs to the shift"),
     Field("zone", "int8", "fluid", True, flow_through, "-", "0 nobody, 1 fluid, from 2 on the buffer of an open side"),
+    Field("row_speed", "real", "fluid", True, flow_through, "m/s", "at which a buffer particle moves along the axis"),
     Field("slip", "uint8", "wall", True, no_slip, "-", "1 on free-slip walls"),
     Field("wall_depth", "real", "wall", True, no_slip, "m", "distance of a wall particle from the surface; 0: unknown"),
     Field("mirror_velocity", "vec", "wall", True, no_slip, "m/s", "velocity that friction on the wall sees"),

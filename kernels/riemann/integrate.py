@@ -45,6 +45,7 @@ def make_kick_drift(spec: Spec) -> Any:
         maxima: wp.array(dtype=real),
         faults: wp.array(dtype=int),
         zone: wp.array(dtype=wp.int8),
+        row_speed: wp.array(dtype=real),
     ):
         i = wp.tid() + first
         if wp.static(spec.open_axis >= 0):
@@ -60,7 +61,7 @@ def make_kick_drift(spec: Spec) -> Any:
             if int(zone[i]) != FLUID:
                 # a buffer moves across its side alone, so that its rows stay whole
                 drift = vec()
-                drift[wp.static(max(spec.open_axis, 0))] = v[wp.static(max(spec.open_axis, 0))]
+                drift[wp.static(max(spec.open_axis, 0))] = row_speed[i]
         way = offset[i] + drift * real(clock[STEP])
         if wp.static(spec.shifting):
             way += shift[i]

@@ -8,7 +8,7 @@ once or with a rate of `relaxation`:
     p* = (w_out + w_in)/2,  u_n* = (w_out - w_in)/(2 Z)
 
 Buffer particles take p* + (distance to the side) dp/dn, so that a linear pressure is continued exactly, and the velocity of
-the side, interpolated between its sites.
+the side, interpolated between its sites; the one across it with its slope too where waves may leave and fluid goes out.
 """
 
 import functools
@@ -101,7 +101,7 @@ def make_solve(size: int) -> Any:
 
 @functools.cache
 def make_fit(spec: Spec) -> Any:
-    """Return the `wp.func` fit(x, ...) of the fluid around a site: struct of validity, pressure, its slope, velocity.
+    """Return the `wp.func` fit(x, ...) of the fluid around a site: pressure, velocity, slopes along the axis, validity.
 
     Least squares with the weights kernel times volume, linear across the side and quadratic along it: a linear fit would
     take the curvature of a velocity profile for a velocity, and Z times that for a pressure. Without enough fluid for it the
@@ -128,6 +128,7 @@ def make_fit(spec: Spec) -> Any:
         valid: int
         pressure: wp.float64
         slope: wp.float64
+        stretch: wp.float64
         velocity: vec
 
     @wp.func
@@ -207,6 +208,7 @@ def make_fit(spec: Spec) -> Any:
                 unit[1] = wp.float64(1.0)
                 _, second = solve(moment / total, unit)
                 result.slope = wp.dot(right[0], second) / total * wp.float64(params.inv_h)
+                result.stretch = wp.dot(right[1 + axis], second) / total * wp.float64(params.inv_h)
             else:
                 first = unit
             result.pressure = wp.dot(right[0], first) / total
@@ -219,7 +221,7 @@ def make_fit(spec: Spec) -> Any:
 
 @functools.cache
 def make_face(spec: Spec) -> Any:
-    """Return the kernel over the sites of all open sides: pressure with its slope outwards, and velocity of each.
+    """Return the kernel over the sites of all open sides: pressure, velocity, and how both go on outwards.
 
     site_memory holds w_in and what was given in the step before; `beginning` = 1 sets it: to what is given, or where waves
     may leave to what the fluid inside has.
@@ -256,6 +258,7 @@ def make_face(spec: Spec) -> Any:
         zone: wp.array(dtype=wp.int8),
         face_pressure: wp.array(dtype=pair),
         face_velocity: wp.array(dtype=vec),
+        face_stretch: wp.array(dtype=real),
     ):
         k = wp.tid() + first
         side = open_sides[site_side[k]]
@@ -297,6 +300,10 @@ def make_face(spec: Spec) -> Any:
             if normal > real(0.0):
                 v = inside.velocity
         v[axis] = normal * side.outward
+        face_stretch[k] = real(0.0)
+        if side.relaxation > wp.float64(0.0) and normal > real(0.0):
+            # a wave that leaves goes on beyond the side; rows that come in keep their spacing
+            face_stretch[k] = real(inside.stretch) * side.outward
         face_velocity[k] = v
 
     return face_state
@@ -339,7 +346,7 @@ def make_buffer(spec: Spec) -> Any:
     """Return the kernel that gives the buffer particles the pressure and velocity that the sides continue outwards.
 
     What comes in takes the volume of its cell, so that it has the density that goes with the pressure; what goes out keeps
-    its mass.
+    its mass. All move at the velocity of the side: only what the fluid sees of them is continued beyond it.
     """
     real, vec, _, pair = types_of(spec)
     Phase = make_phase(spec.precision)
@@ -358,12 +365,14 @@ def make_buffer(spec: Spec) -> Any:
         site_open: wp.array(dtype=wp.uint8),
         face_pressure: wp.array(dtype=pair),
         face_velocity: wp.array(dtype=vec),
+        face_stretch: wp.array(dtype=real),
         position: wp.array(dtype=vec),
         zone: wp.array(dtype=wp.int8),
         velocity: wp.array(dtype=vec),
         density_excess: wp.array(dtype=real),
         rest_volume: wp.array(dtype=real),
         state: wp.array(dtype=pair),
+        row_speed: wp.array(dtype=real),
     ):
         i = wp.tid() + first
         which = int(zone[i]) - BUFFER
@@ -374,18 +383,24 @@ def make_buffer(spec: Spec) -> Any:
         total = real(0.0)
         face = pair()
         v = vec()
+        stretch = real(0.0)
         for corner in range(4):
             k, weight = site_at(x, side, corner)
             if site_open[k] == wp.uint8(1):
                 total += weight
                 face += weight * face_pressure[k]
                 v += weight * face_velocity[k]
+                stretch += weight * face_stretch[k]
         if wp.abs(total) > real(LEAST_WEIGHT):
             face /= total
             v /= total
-        p = face[0] + face[1] * beyond(x, side, axis)
+            stretch /= total
+        row_speed[i] = v[axis]
+        way = wp.min(beyond(x, side, axis), side.reach)  # further out no fluid sees it
+        v[axis] = v[axis] + stretch * way
+        p = face[0] + face[1] * way
         s = excess_of(p - phases[0].background, phases[0].stiffness, phases[0].gamma)
-        if v[axis] * side.outward < real(0.0):
+        if row_speed[i] * side.outward < real(0.0):
             rest_volume[i] = cell_volume * (real(1.0) + s)
         velocity[i] = v
         density_excess[i] = s

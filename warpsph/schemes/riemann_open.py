@@ -68,7 +68,7 @@ def arguments(found: OpenRun, case: Case, geometry: Geometry, physics: Physics, 
         return np.concatenate([getattr(face, name) for face in faces])
 
     row = geometry.lattice.spacing[spec.open_axis]
-    rows = _sides(faces, case, geometry, samples, max(physics.sound_speed), spec)
+    rows = _sides(faces, case, geometry, samples, physics)
     return {
         "open_sides": array(rows, make_open_side(spec.dimension, spec.precision)),
         "signals": array(np.concatenate(samples), wp.float64),
@@ -83,6 +83,7 @@ def arguments(found: OpenRun, case: Case, geometry: Geometry, physics: Physics, 
         "site_ahead": wp.full(found.sites, -0.5 * row, dtype=wp.float64, device=device),
         "row_spacing": wp.float64(row),
         "face_pressure": wp.zeros(found.sites, dtype=pair, device=device),
+        "face_stretch": wp.zeros(found.sites, dtype=real, device=device),
         "face_velocity": wp.zeros(found.sites, dtype=vec, device=device),
         "fill_position": array(found.position, vec),
         "fill_zone": array(found.number + BUFFER, wp.int8),
@@ -96,11 +97,12 @@ def arguments(found: OpenRun, case: Case, geometry: Geometry, physics: Physics, 
 
 
 def _sides(
-    faces: list[Face], case: Case, geometry: Geometry, samples: list[np.ndarray], sound: float, spec: Any
+    faces: list[Face], case: Case, geometry: Geometry, samples: list[np.ndarray], physics: Physics
 ) -> list[Any]:
     """Return an `OpenSide` of each face."""
     from warpsph.kernels.core.crossing import make_open_side
 
+    spec, sound = physics.spec, max(physics.sound_speed)
     lattice, rows, site, signal = geometry.lattice, [], 0, 0
     for face, factors in zip(faces, samples, strict=True):
         row = make_open_side(spec.dimension, spec.precision)()
@@ -108,6 +110,7 @@ def _sides(
         row.face = high if face.end else low
         row.outward = float(face.outward)
         row.depth = face.layers * lattice.spacing[face.axis]
+        row.reach = physics.support
         row.gives_velocity = int(face.gives_velocity)
         row.relaxation = face.flow.relaxation * sound / (high - low) if face.flow.waves == "leave" else 0.0
         first, second = face.across
