@@ -27,6 +27,7 @@ from typing import Any
 import warp as wp
 
 from warpsph.kernels.core.clock import MAXIMA, STEP
+from warpsph.kernels.core.fields import FLUID
 from warpsph.kernels.core.pair import BAND, NEAR, WRAPPED, list_access, separation_of
 from warpsph.kernels.core.params import make_params, make_phase
 from warpsph.kernels.core.smoothing import make_smoothing
@@ -107,8 +108,17 @@ def make_momentum(spec: Spec) -> Any:
         velocity_gradient: wp.array(dtype=mat),
         pressure_gradient: wp.array(dtype=vec),
         maxima: wp.array(dtype=real),
+        zone: wp.array(dtype=wp.int8),
     ):
         i = wp.tid() + first
+        if wp.static(spec.open_axis >= 0):
+            if int(zone[i]) != FLUID:
+                # nothing pushes a buffer: `open_flow` says how it moves
+                acceleration[i] = vec()
+                if wp.static(spec.shifting):
+                    shift[i] = vec()
+                    carried[i] = vec()
+                return
         xi = position[i]
         vi = velocity[i]
         state_i = state[i]
