@@ -319,6 +319,17 @@ def test_results_do_not_depend_on(device, kind, monkeypatch):
             np.testing.assert_array_equal(values, second[name], err_msg=name)
 
 
+def test_a_saved_state_does_not_change_any_more(device):
+    """It is written beside the run, which goes on meanwhile."""
+    model = prepared(scene(CHANNEL), device)
+    run(model, 0.1)
+    saved = model.save_state()
+    before = {name: np.array(values) for name, values in saved.items()}
+    run(model, 0.3)
+    for name, values in before.items():
+        np.testing.assert_array_equal(values, saved[name], err_msg=name)
+
+
 def narrow(case, device, monkeypatch):
     """A run that has room for the particles of the start alone."""
     with monkeypatch.context() as patch:
