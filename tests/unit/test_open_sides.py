@@ -219,6 +219,8 @@ def test_rows_of_a_sheared_inlet_stay_whole(device):
         x = np.sort(inlet[row == y, 0])
         assert 4 <= len(x) <= 6
         np.testing.assert_allclose(np.diff(x), 0.1, atol=2e-5)
+    # the next one of a row is born as soon as it is inside of the depth of 0.5 m
+    assert inlet[:, 0].min() < -0.42
 
 
 def test_channel_flow_goes_through(device):
@@ -315,6 +317,17 @@ def test_results_do_not_depend_on(device, kind, monkeypatch):
             np.testing.assert_array_equal(values[kept], second[name][kept], err_msg=name)
         else:
             np.testing.assert_array_equal(values, second[name], err_msg=name)
+
+
+def test_a_saved_state_does_not_change_any_more(device):
+    """It is written beside the run, which goes on meanwhile."""
+    model = prepared(scene(CHANNEL), device)
+    run(model, 0.1)
+    saved = model.save_state()
+    before = {name: np.array(values) for name, values in saved.items()}
+    run(model, 0.3)
+    for name, values in before.items():
+        np.testing.assert_array_equal(values, saved[name], err_msg=name)
 
 
 def narrow(case, device, monkeypatch):

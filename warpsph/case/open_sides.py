@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, ClassVar, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import BeforeValidator, Field, ModelWrapValidatorHandler, model_validator
 
@@ -17,6 +17,9 @@ from warpsph.case.values import (
     as_list,
     bad_value,
 )
+
+if TYPE_CHECKING:
+    import numpy as np
 
 _Profile = Annotated[tuple[Formula, ...], Field(min_length=1), BeforeValidator(as_list)]
 _Signal = Annotated[Expression, FormulaRule(names=("t",))]
@@ -68,6 +71,17 @@ class OpenSide(CaseModel):
     def given_pressure(self) -> Expression | None:
         """Pressure where it is given; None stands for 0 then."""
         return getattr(self, "pressure", None)
+
+    @property
+    def steady(self) -> bool:
+        """Whether what is given does not depend on time."""
+        return self.ramp is None or self.ramp.constant is not None
+
+    def factor(self, times: np.ndarray) -> np.ndarray:
+        """Return the factor on what is given at times [s], (n,). Raises ExpressionError where it is not finite."""
+        import numpy as np
+
+        return np.ones(len(times)) if self.ramp is None else np.asarray(self.ramp.evaluate(t=times))
 
     def plain(self) -> dict[str, Any]:
         """What was written, as plain data."""

@@ -460,8 +460,9 @@ class Model:
             "clock": np.array(clock),
             "counters": np.array(counters),
             "maxima": self.stepper.maxima.numpy().reshape(-1, ck.MAXIMA).max(axis=0),
-            "leak_counts": self.stepper.bindings["leak_counts"].numpy(),
-            **{name: self.stepper.bindings[name].numpy() for name in self._kept_arrays()},
+            "leak_counts": np.array(self.stepper.bindings["leak_counts"].numpy()),
+            # copies: on a CPU these are the arrays themselves, which go on changing while a checkpoint is written
+            **{name: np.array(self.stepper.bindings[name].numpy()) for name in self._kept_arrays()},
         }
 
     def _kept_arrays(self) -> list[str]:

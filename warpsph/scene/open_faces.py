@@ -89,15 +89,16 @@ def buffer_layers(support: float, skin: float, spacing: float) -> int:
     return math.ceil((support + 0.25 * support * (1.0 + skin)) / spacing + 1.0)
 
 
-def solid_cells(geometry: Geometry) -> NDArray[np.bool_]:
-    """Return which cells of the domain a body fills."""
+def wet_cells(geometry: Geometry, axis: int, end: int) -> NDArray[np.bool_]:
+    """Return which cells next to a side hold a fluid particle at the start, the first transverse axis fastest."""
     lattice = geometry.lattice
-    walls = geometry.position[geometry.kind == 1]
-    index = np.floor((walls - np.array(lattice.lower)) / np.array(lattice.spacing)).astype(int)
-    inside = ((index >= 0) & (index < np.array(lattice.count))).all(axis=1)
-    solid = np.zeros(lattice.count, dtype=np.bool_)
-    solid[tuple(index[inside].T)] = True
-    return solid
+    fluid = geometry.position[geometry.kind == 0]
+    index = np.floor((fluid - np.array(lattice.lower)) / np.array(lattice.spacing)).astype(int)
+    index = index[index[:, axis] == (lattice.count[axis] - 1 if end else 0)]
+    others = [k for k in range(lattice.dimension) if k != axis]
+    wet = np.zeros([lattice.count[k] for k in others], dtype=np.bool_)
+    wet[tuple(np.clip(index[:, k], 0, lattice.count[k] - 1) for k in others)] = True
+    return np.asarray(wet.T.ravel())
 
 
 def make_faces(case: Case, geometry: Geometry, support: float, skin: float) -> list[Face]:
@@ -108,7 +109,7 @@ def make_faces(case: Case, geometry: Geometry, support: float, skin: float) -> l
     Raises CaseError where a profile has no finite value.
     """
     problems: list[Problem] = []
-    lattice, solid = geometry.lattice, solid_cells(geometry)
+    lattice = geometry.lattice
     faces = []
     for name, axis, end, flow in open_sides(case):
         others = [k for k in range(lattice.dimension) if k != axis]
@@ -118,8 +119,7 @@ def make_faces(case: Case, geometry: Geometry, support: float, skin: float) -> l
         for k, values in zip(others, grid, strict=True):
             position[:, k] = values.ravel()
         position[:, axis] = (lattice.lower, lattice.upper)[end][axis]
-        first = np.moveaxis(solid, axis, 0)[-1 if end else 0]
-        free = ~np.asarray(first.T if first.ndim == 2 else first).ravel()
+        free = wet_cells(geometry, axis, end)
         path = f"domain.boundary.{AXES[axis]}.{('lower', 'upper')[end]}.{flow.word}"
         velocity, pressure, drawn = _given(flow, position, path, problems)
         count = [*(len(values) for values in axes), 1][:2]
@@ -171,8 +171,7 @@ def given_scales(case: Case, geometry: Geometry) -> tuple[float, float, float]:
     times = np.linspace(0.0, case.end_time, 1001)
     speed, pressures = 0.0, []
     for face in faces:
-        ramp = face.flow.ramp
-        factors = np.ones(1) if ramp is None else np.atleast_1d(ramp.evaluate(t=times))
+        factors = face.flow.factor(times)
         speed = max(speed, float(np.linalg.norm(face.velocity[face.free], axis=1).max(initial=0.0) * np.abs(factors).max()))
         if not face.gives_velocity:
             ends = np.outer((face.pressure.min(), face.pressure.max()), (factors.min(), factors.max()))
@@ -199,11 +198,4 @@ def signal_samples(faces: list[Face], end_time: float, step: float) -> tuple[lis
     """
     step = max(step, end_time / MOST_SAMPLES)
     times = np.arange(math.ceil(end_time / step) + 2) * step
-    samples = []
-    for face in faces:
-        ramp = face.flow.ramp
-        if ramp is None or ramp.constant is not None:
-            samples.append(np.array([1.0 if ramp is None else float(ramp.constant or 0.0)]))
-        else:
-            samples.append(np.asarray(ramp.evaluate(t=times), dtype=float))
-    return samples, step
+    return [face.flow.factor(times[:1] if face.flow.steady else times) for face in faces], step
