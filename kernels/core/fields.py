@@ -12,6 +12,8 @@ import warp as wp
 
 from .spec import Spec, types_of
 
+NOBODY, FLUID, BUFFER = 0, 1, 2  # of `zone`; BUFFER + k is the buffer of the open side k
+
 
 def always(spec: Spec) -> bool:
     """Every run."""
@@ -73,6 +75,11 @@ def changing(spec: Spec) -> bool:
     return spec.changing
 
 
+def flow_through(spec: Spec) -> bool:
+    """Runs with inlets or outlets."""
+    return spec.open_axis >= 0
+
+
 @dataclasses.dataclass(frozen=True)
 class Field:
     """One particle field.
@@ -129,6 +136,8 @@ FLOW: tuple[Field, ...] = (
     Field("state", "pair", "all", True, always, "Pa, m^d", "pressure and volume"),
     Field("shift", "vec", "fluid", True, shifting, "m", "shift to apply in the next drift"),
     Field("carried", "vec", "fluid", True, shifting, "m/s", "change of velocity that belongs to the shift"),
+    Field("zone", "int8", "fluid", True, flow_through, "-", "0 nobody, 1 fluid, from 2 on the buffer of an open side"),
+    Field("row_speed", "real", "fluid", True, flow_through, "m/s", "at which a buffer particle moves along the axis"),
     Field("slip", "uint8", "wall", True, no_slip, "-", "1 on free-slip walls"),
     Field("wall_depth", "real", "wall", True, depths, "m", "distance of a wall particle from the surface; 0: unknown"),
     Field("wall_normal", "vec", "wall", True, bodies, "-", "unit vector from the wall into the fluid, at the foot"),

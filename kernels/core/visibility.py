@@ -1,6 +1,7 @@
 """Lines of sight at thin tails of bodies: what a particle sees past an edge, and what the body hides (theory: bodies#tails).
 
-Near its edge a tail counts as the half plane from the edge into the body, in the middle between its two sides. A line of
+Near its edge a tail counts as the half plane from the edge into the body, in the middle between its two sides, up to where
+the body ends if it is thin all the way. A line of
 sight from x_i to x_j either crosses it, and then enters the body on the side of x_i, or does not, and then what is at x_j is
 on its own side. Each boundary particle of a tail belongs to the sheet of one side, and is seen through that side alone.
 
@@ -23,8 +24,8 @@ from .spec import Spec, types, types_of
 class Sight(NamedTuple):
     """`wp.func`s of lines of sight at an edge.
 
-    side_entered(x_i, x_j, edge, along, across): 1 or -1, the side from which x_i looks at x_j: +1 that of `across`.
-    hidden(x_i, x_j, edge, along, across): whether the tail is between the two points.
+    side_entered(x_i, x_j, edge, along, across, extent): 1 or -1, the side from which x_i looks at x_j: +1 that of `across`.
+    hidden(x_i, x_j, edge, along, across, extent): whether the tail is between the two points.
     """
 
     side_entered: Any
@@ -37,17 +38,17 @@ def make_sight(dimension: int, precision: str) -> Sight:
     real, vec, _, _ = types(dimension, precision)
 
     @wp.func
-    def hidden(xi: vec, xj: vec, edge: vec, along: vec, across: vec):
+    def hidden(xi: vec, xj: vec, edge: vec, along: vec, across: vec, extent: real):
         hi = wp.dot(xi - edge, across)
         hj = wp.dot(xj - edge, across)
         # The crossing is at ((x_i - edge).along |h_j| + (x_j - edge).along |h_i|) / (|h_i| + |h_j|) past the edge.
         past = wp.dot(xi - edge, along) * wp.abs(hj) + wp.dot(xj - edge, along) * wp.abs(hi)
-        return hi * hj < real(0.0) and past < real(0.0)
+        return hi * hj < real(0.0) and past < real(0.0) and past > -extent * (wp.abs(hi) + wp.abs(hj))
 
     @wp.func
-    def side_entered(xi: vec, xj: vec, edge: vec, along: vec, across: vec):
+    def side_entered(xi: vec, xj: vec, edge: vec, along: vec, across: vec, extent: real):
         h = wp.dot(xj - edge, across)
-        if hidden(xi, xj, edge, along, across):
+        if hidden(xi, xj, edge, along, across, extent):
             h = -h
         side = int(1)
         if h < real(0.0):
@@ -140,11 +141,12 @@ def make_unsee(spec: Spec) -> Any:
         frame_edge: wp.array(dtype=vec),
         frame_along: wp.array(dtype=vec),
         frame_across: wp.array(dtype=vec),
+        frame_extent: wp.array(dtype=real),
     ):
         result = bool(False)
         if frame >= 0:
             a = separation(xi, frame_edge[frame], wrapped, params)
-            result = hidden(a, a - d, vec(), frame_along[frame], frame_across[frame])
+            result = hidden(a, a - d, vec(), frame_along[frame], frame_across[frame], frame_extent[frame])
         return result
 
     @wp.func
@@ -158,11 +160,12 @@ def make_unsee(spec: Spec) -> Any:
         frame_edge: wp.array(dtype=vec),
         frame_along: wp.array(dtype=vec),
         frame_across: wp.array(dtype=vec),
+        frame_extent: wp.array(dtype=real),
     ):
         result = bool(True)
         if side != 0:
             a = separation(xi, frame_edge[frame], wrapped, params)
-            result = side_entered(a, a - d, vec(), frame_along[frame], frame_across[frame]) == side
+            result = side_entered(a, a - d, vec(), frame_along[frame], frame_across[frame], frame_extent[frame]) == side
         return result
 
     @wp.kernel(module="unique", enable_backward=False)
@@ -180,6 +183,7 @@ def make_unsee(spec: Spec) -> Any:
         frame_edge: wp.array(dtype=vec),
         frame_along: wp.array(dtype=vec),
         frame_across: wp.array(dtype=vec),
+        frame_extent: wp.array(dtype=real),
         neighbours: Listed,
         fluid_neighbours: wp.array(dtype=wp.int16),
         wall_neighbours: wp.array(dtype=wp.int16),
@@ -214,14 +218,15 @@ def make_unsee(spec: Spec) -> Any:
                 d = separation(xi, anchor[entry], wrapped, params)
                 if is_wall:
                     seen = enters(
-                        xi - d, -d, own, own_side, wrapped, params, frame_edge, frame_along, frame_across
+                        xi - d, -d, own, own_side, wrapped, params, frame_edge, frame_along, frame_across,
+                        frame_extent,
                     )  # fmt: skip
                 else:
                     other = int(frame_near[entry])
                     if own >= 0 or other >= 0:
                         seen = not (
-                            blocked(xi, d, own, wrapped, params, frame_edge, frame_along, frame_across)
-                            or blocked(xi, d, other, wrapped, params, frame_edge, frame_along, frame_across)
+                            blocked(xi, d, own, wrapped, params, frame_edge, frame_along, frame_across, frame_extent)
+                            or blocked(xi, d, other, wrapped, params, frame_edge, frame_along, frame_across, frame_extent)
                         )  # fmt: skip
             if seen:
                 write(neighbours, i, target, entry)
@@ -236,7 +241,10 @@ def make_unsee(spec: Spec) -> Any:
             place += step
             w = entry - walls_begin
             d = separation(xi, anchor[entry], wrapped, params)
-            if enters(xi, d, int(frame[w]), int(sheet[w]), wrapped, params, frame_edge, frame_along, frame_across):
+            seen = enters(
+                xi, d, int(frame[w]), int(sheet[w]), wrapped, params, frame_edge, frame_along, frame_across, frame_extent
+            )  # fmt: skip
+            if seen:
                 write(neighbours, i, target, entry)
                 target += step
                 kept_walls += 1

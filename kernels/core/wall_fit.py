@@ -8,8 +8,8 @@ which is y along the normal n and s at right angles to it:
 
 A wall particle x behind that foot, z behind its own, has p = p_s + (G + rho b).(x - x_s) and mirrors
 v = v_w - S n z + q z^2: both are exact where the fluid has a linear pressure and a linear velocity, whatever the arrangement
-of particles. The quadratic terms make the viscous term beside the surface one of second order; s^2 is there for surfaces that
-are not plane.
+of particles. The quadratic terms make the viscous term beside the surface one of second order; s^2 is there for surfaces
+that are not plane.
 
 A wall without friction has a velocity along it from the fit of the fluid alone, and a slope that makes no shear stress.
 Where the fluid is too thin for a fit, G = 0, and the velocity changes along the normal alone.

@@ -10,6 +10,7 @@ import warp as wp
 
 from warpsph.kernels.core.clock import STEP
 from warpsph.kernels.core.eos import make_eos
+from warpsph.kernels.core.fields import FLUID
 from warpsph.kernels.core.pair import NEAR, WRAPPED, list_access, separation_of
 from warpsph.kernels.core.params import make_params, make_phase
 from warpsph.kernels.core.smoothing import make_smoothing
@@ -100,8 +101,12 @@ def make_continuity(spec: Spec) -> Any:
         interface_weight: wp.array(dtype=real),
         density_excess: wp.array(dtype=real),
         state: wp.array(dtype=pair),
+        zone: wp.array(dtype=wp.int8),
     ):
         i = wp.tid() + first
+        if wp.static(spec.open_axis >= 0):
+            if int(zone[i]) != FLUID:
+                return
         xi = midway[i]
         vi = velocity[i]
         p_i = state_old[i][0]

@@ -27,6 +27,7 @@ from typing import Any
 import warp as wp
 
 from warpsph.kernels.core.clock import MAXIMA, STEP
+from warpsph.kernels.core.fields import FLUID
 from warpsph.kernels.core.pair import BAND, NEAR, WRAPPED, list_access, separation_of
 from warpsph.kernels.core.params import make_params, make_phase
 from warpsph.kernels.core.smoothing import make_smoothing
@@ -107,8 +108,17 @@ def make_momentum(spec: Spec) -> Any:
         velocity_gradient: wp.array(dtype=mat),
         pressure_gradient: wp.array(dtype=vec),
         maxima: wp.array(dtype=real),
+        zone: wp.array(dtype=wp.int8),
     ):
         i = wp.tid() + first
+        if wp.static(spec.open_axis >= 0):
+            if int(zone[i]) != FLUID:
+                # nothing pushes a buffer: `open_flow` says how it moves
+                acceleration[i] = vec()
+                if wp.static(spec.shifting):
+                    shift[i] = vec()
+                    carried[i] = vec()
+                return
         xi = position[i]
         vi = velocity[i]
         state_i = state[i]
@@ -140,7 +150,7 @@ def make_momentum(spec: Spec) -> Any:
         face_gap = vec(params.spacing)  # clearance along each axis to the wall cell straight ahead [m]
         face_side = vec()  # whether that cell is above (1) or below (-1)
         face_speed = vec()  # speed of that cell along the axis [m/s]
-        face_foot2 = vec(real(4.0) * params.h * params.h)  # bodies: square of the distance to the foot on that face [m^2]
+        face_foot2 = vec(params.spacing * params.spacing)  # bodies: square of the distance to the foot on that face [m^2]
         face_normal = mat()  # bodies: in each row the normal there, into the fluid
         nearest2 = real(4.0) * params.h * params.h  # bodies: the same for the nearest of all
         touch = vec()  # share of what drives the particle along each axis that such a cell takes up
@@ -273,7 +283,8 @@ def make_momentum(spec: Spec) -> Any:
                                 face_side[axis] = -wp.sign(d[axis])
                                 face_speed[axis] = velocity[j][axis]
                 if wp.static(spec.bodies):
-                    # the surface as the plane at the nearest foot: one for each axis that a normal may lie nearest to
+                    # the surface as the plane at the nearest foot: one for each axis that a normal may lie nearest to. A
+                    # foot that is farther than a spacing is not that of a plane which the particle is about to touch.
                     w = j - fluid_count
                     n_w = wall_normal[w]
                     clear = wp.dot(d, n_w) - wall_depth[w]

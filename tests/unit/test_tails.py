@@ -51,25 +51,34 @@ def sight():
         xj: wp.array(dtype=wp.vec2d),
         edge: wp.array(dtype=wp.vec2d),
         along: wp.array(dtype=wp.vec2d),
+        extent: wp.array(dtype=wp.float64),
         hidden: wp.array(dtype=int),
         side: wp.array(dtype=int),
     ):
         k = wp.tid()
         across = wp.vec2d(-along[k][1], along[k][0])
         hidden[k] = int(0)
-        if wp.static(funcs.hidden)(xi[k], xj[k], edge[k], along[k], across):
+        if wp.static(funcs.hidden)(xi[k], xj[k], edge[k], along[k], across, extent[k]):
             hidden[k] = 1
-        side[k] = wp.static(funcs.side_entered)(xi[k], xj[k], edge[k], along[k], across)
+        side[k] = wp.static(funcs.side_entered)(xi[k], xj[k], edge[k], along[k], across, extent[k])
 
-    def run(*points):
+    def run(*points, extent=np.inf):
         points = np.broadcast_arrays(*points)
         n = len(points[0])
+        extent = np.minimum(np.broadcast_to(extent, n), 1e30)
         arrays = [wp.array(np.ascontiguousarray(p), dtype=wp.vec2d, device="cpu") for p in points]
+        arrays.append(wp.array(np.ascontiguousarray(extent), dtype=wp.float64, device="cpu"))
         found = [wp.zeros(n, dtype=int, device="cpu") for _ in range(2)]
         wp.launch(look, dim=n, inputs=[*arrays, *found], device="cpu")
         return found[0].numpy().astype(bool), found[1].numpy()
 
     return run
+
+
+def of(sampling, frame):
+    """Edges and directions of frames as lines of sight take them; those of bodies that go on behind."""
+    assert np.isinf(sampling.frames.extent[frame]).all()
+    return sampling.frames.edge[frame], sampling.frames.along[frame]
 
 
 def seen(sight, x, fluid, sampling):
@@ -78,8 +87,8 @@ def seen(sight, x, fluid, sampling):
     if sampling.frames.count:
         distance, frame = cKDTree(sampling.frames.point).query(x)
         if distance < REACH + DX:
-            fluid_seen = ~sight(x[None], fluid, sampling.frames.edge[frame][None], sampling.frames.along[frame][None])[0]
-    _, side = sight(x[None], sampling.position, sampling.frames.edge[sampling.frame], sampling.frames.along[sampling.frame])
+            fluid_seen = ~sight(x[None], fluid, *of(sampling, [frame]))[0]
+    _, side = sight(x[None], sampling.position, *of(sampling, sampling.frame))
     return fluid_seen, (sampling.sheet == 0) | (sampling.sheet == side)
 
 
@@ -89,24 +98,25 @@ def lattice(low, high):
 
 
 def test_lines_of_sight_against_crossing_segments(sight):
-    """Hidden is what a segment reaches across the half line, found by solving for where they meet."""
+    """Hidden is what a segment reaches across the body, a segment behind the edge, found by solving for where they meet."""
     random = np.random.default_rng(1)
     n = 2000
     a, b, edge = random.uniform(-1, 1, (3, n, 2))
     angle = random.uniform(0, 2 * math.pi, n)
     along = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    extent = random.uniform(0, 1, n)
     # a + s (b - a) = edge - t along
     matrix = np.stack([b - a, along], axis=2)
     s, t = np.linalg.solve(matrix, (edge - a)[:, :, None])[:, :, 0].T
-    crossed = (s > 0) & (s < 1) & (t > 0)
+    crossed = (s > 0) & (s < 1) & (t > 0) & (t < extent)
     across = np.stack([-along[:, 1], along[:, 0]], axis=1)
     side_of_a = np.where(((a - edge) * across).sum(axis=1) < 0, -1, 1)
     side_of_b = np.where(((b - edge) * across).sum(axis=1) < 0, -1, 1)
-    hidden, side = sight(a, b, edge, along)
+    hidden, side = sight(a, b, edge, along, extent=extent)
     assert 100 < crossed.sum() < n - 100
     assert np.array_equal(hidden, crossed)
     assert np.array_equal(side, np.where(crossed, side_of_a, side_of_b))
-    assert np.array_equal(sight(b, a, edge, along)[0], hidden)
+    assert np.array_equal(sight(b, a, edge, along, extent=extent)[0], hidden)
 
 
 @pytest.mark.parametrize("rows", [1, 2, 3])
@@ -183,7 +193,7 @@ def test_pressure_of_one_side_of_a_wedge_goes_on_and_the_other_is_not_seen(sight
         place = found.foot[at] + 0.1 * DX * found.normal[at]
         near = np.flatnonzero(np.linalg.norm(fluid - place, axis=1) < REACH)
         frame = found.frame[at]
-        hidden, _ = sight(place[None], fluid[near], found.frames.edge[frame][None], found.frames.along[frame][None])
+        hidden, _ = sight(place[None], fluid[near], *of(found, [frame]))
         wrong += hidden.sum()
         near = near[~hidden]
         w = weight(np.linalg.norm(fluid[near] - place, axis=1))
@@ -192,6 +202,19 @@ def test_pressure_of_one_side_of_a_wedge_goes_on_and_the_other_is_not_seen(sight
         value = fit[0] + fit[1:] @ (found.position[j] - place)
         assert value == pytest.approx(pressure(found.position[[j]], found.sheet[j])[0], abs=1e-9)
     assert wrong > 100  # without lines of sight they would have taken part
+
+
+def test_a_thin_airfoil_ends_at_its_nose(sight):
+    """Three spacings thick: what is above and below, but before the nose, sees each other; what is behind it does not."""
+    wing = airfoil(naca_4("0012"), 25 * DX, pivot=0.0)
+    found = sample(wing, DX, LAYERS)
+    frames = found.frames
+    assert np.isfinite(frames.extent).all()
+    above = np.array([[-0.5 * DX, DX], [0.5 * DX, 1.5 * DX], [5 * DX, 3 * DX], [20 * DX, 3 * DX], [26 * DX, DX]])
+    below = above * [1, -1]
+    near = cKDTree(frames.point).query(above)[1]
+    hidden, _ = sight(above, below, frames.edge[near], frames.along[near], extent=frames.extent[near])
+    assert hidden.tolist() == [False, True, True, True, False]
 
 
 @pytest.mark.parametrize("rows_of_cpu", [True, False])
@@ -258,7 +281,7 @@ def test_a_tail_ends_where_the_body_is_twice_as_thick_as_the_kernel_reaches():
     """A wedge is 2 H thick, measured by the circle that fits in, at H / tan(half angle) along its side from the edge."""
     (tail,) = find_tails(wedge(20), DX, REACH)
     for sheet in tail.sheets:
-        assert sheet.thick
+        assert sheet.goes_on
         assert sheet.arc[-1] == pytest.approx(REACH / math.tan(math.radians(10)), abs=0.3 * DX)
 
 

@@ -335,6 +335,11 @@ class Case(CaseModel):
         return any("open" in (axis.lower.kind, axis.upper.kind) for axis in self.sides)
 
     @property
+    def has_flow_through(self) -> bool:
+        """Whether any side of the domain is an inlet or an outlet."""
+        return any(end.flow is not None for axis in self.sides for end in (axis.lower, axis.upper))
+
+    @property
     def has_surface_tension(self) -> bool:
         """Whether any pair of phases has a surface tension above zero."""
         return any(pair.coefficient > 0 for pair in self.surface_tension)

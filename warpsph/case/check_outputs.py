@@ -69,7 +69,10 @@ def _check_gauge(case: Any, name: Any, gauge: Any) -> Problems:
             yield from guarded(check_length(case.dimension, f"{path}.points.{position}", point))
         yield from check_interface_fields(case, f"{path}.fields", gauge.fields)
         yield from guarded(_check_faces(case, path, gauge))
-    elif gauge.type == "line":
+    elif gauge.type == "flow_rate":
+        if not case.has_flow_through:
+            yield Problem(f"{path}.type", gauge.type, "needs an inlet or an outlet", "delete the gauge")
+    elif gauge.type in ("line", "reattachment"):
         yield from guarded(check_length(case.dimension, f"{path}.from", gauge.from_))
         yield from guarded(check_length(case.dimension, f"{path}.to", gauge.to))
         if gauge.from_ == gauge.to:

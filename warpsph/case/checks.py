@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from warpsph.case.check_domain import check_boundary, check_domain, check_signals, check_vectors
+from warpsph.case.check_open_sides import check_open_sides
 from warpsph.case.check_outputs import check_gauges, check_output
 from warpsph.case.check_phases import check_bodies, check_fluids, check_phases, check_start, check_tension
 from warpsph.case.check_references import check_references, check_validation
@@ -39,6 +40,7 @@ _CHECKS: tuple[Callable[[Any, Path | None, Any], Problems], ...] = (
     check_vectors,
     check_boundary,
     check_signals,
+    check_open_sides,
     check_phases,
     check_tension,
     check_fluids,

@@ -22,6 +22,7 @@ __all__ = [
     "column_formula",
     "column_names",
     "columns_of",
+    "open_side_names",
     "wall_bodies",
 ]
 
@@ -201,6 +202,26 @@ def _samples(spec: Any, case: Any, phases: _Names, axes: _Names) -> list[Column]
     return result
 
 
+def open_side_names(case: Any) -> list[str]:
+    """Names of the inlets and outlets of a case, such as x_lower, in the order of the sides."""
+    return [
+        f"{axis}_{end}"
+        for axis, sides in zip(AXES, case.sides, strict=False)
+        for end in ("lower", "upper")
+        if getattr(sides, end).flow is not None
+    ]
+
+
+def _flow_rate(spec: Any, case: Any, phases: _Names, axes: _Names) -> list[Column]:
+    units = {"flow": _unit(axes, "kg/s", "kg/(m s)"), "through": _unit(axes, "kg", "kg/m"), "face_pressure": "Pa"}
+    sides = open_side_names(case)
+    return [Column(f"{name} {side}", unit) for side in sides for name, unit in units.items()]
+
+
+def _reattachment(spec: Any, case: Any, phases: _Names, axes: _Names) -> list[Column]:
+    return [Column("separation", "m"), Column("reattachment", "m")]
+
+
 _COLUMNS: dict[str, Callable[[Any, Any, _Names, _Names], list[Column]]] = {
     "energy": _energy,
     "momentum": _momentum,
@@ -214,4 +235,6 @@ _COLUMNS: dict[str, Callable[[Any, Any, _Names, _Names], list[Column]]] = {
     "elevation": _elevation,
     "points": _samples,
     "line": _samples,
+    "flow_rate": _flow_rate,
+    "reattachment": _reattachment,
 }

@@ -115,6 +115,12 @@ class ElevationGauge(GaugeModel):
     )
 
 
+class FlowRateGauge(GaugeModel):
+    """What goes through inlets and outlets."""
+
+    type: Literal["flow_rate"] = Field(description="mass flow, mass and pressure of each inlet and outlet")
+
+
 _SampledFields = Annotated[
     tuple[str, ...], Field(min_length=1), field_list(SAMPLED_FIELDS), schema_of_fields(SAMPLED_FIELDS)
 ]
@@ -153,6 +159,22 @@ class LineGauge(GaugeModel):
     fields: _SampledFields = Field(description="fields to interpolate", examples=["[velocity]"])
 
 
+class ReattachmentGauge(GaugeModel):
+    """Where a flow along a wall leaves it and comes back to it."""
+
+    type: Literal["reattachment"] = Field(description="where the flow along a wall leaves it and comes back")
+    from_: Vector = Field(alias="from", description="first point of a line close to the wall, m", examples=["[0, 0.01]"])
+    to: Vector = Field(description="last point, m", examples=["[10, 0.01]"])
+    count: Annotated[int, NumberRule(least=2, most=1_000_000, integer=True)] = Field(
+        description="number of points, both ends included", examples=["201"]
+    )
+
+    @property
+    def fields(self) -> tuple[str, ...]:
+        """What is interpolated at the points."""
+        return ("velocity",)
+
+
 GAUGES: dict[str, type[GaugeModel]] = {
     "energy": EnergyGauge,
     "momentum": MomentumGauge,
@@ -166,6 +188,8 @@ GAUGES: dict[str, type[GaugeModel]] = {
     "elevation": ElevationGauge,
     "points": PointsGauge,
     "line": LineGauge,
+    "flow_rate": FlowRateGauge,
+    "reattachment": ReattachmentGauge,
 }
 
 
@@ -218,7 +242,9 @@ Gauge = Annotated[
     | Annotated[WallForceGauge, Tag("<wall_force>")]
     | Annotated[ElevationGauge, Tag("<elevation>")]
     | Annotated[PointsGauge, Tag("<points>")]
-    | Annotated[LineGauge, Tag("<line>")],
+    | Annotated[LineGauge, Tag("<line>")]
+    | Annotated[FlowRateGauge, Tag("<flow_rate>")]
+    | Annotated[ReattachmentGauge, Tag("<reattachment>")],
     Discriminator(_gauge_type),
     WrapValidator(_as_registered),
     BeforeValidator(_check_gauge_type),

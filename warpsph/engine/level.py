@@ -114,14 +114,15 @@ class Level:
         if isinstance(stage.rows, int):
             return stage.rows, 0
         particles = self.particles
-        return {
+        named = {
             "fluid": (particles.fluid_capacity, 0),
             "wall": (particles.wall_count, 0),
             "band": (particles.fluid_capacity, 0),
             "blocks": (self.bindings["block_count"], 0),
             "folds": (ck.FOLDS, 0),
             "one": (1, 0),
-        }[stage.rows]
+        }
+        return named[stage.rows] if stage.rows in named else (int(self.bindings[stage.rows].shape[0]), 0)
 
     def task(self, stage: Stage, values: Mapping[str, Any] | None = None) -> Task:
         """Return the task of a stage on this level, with values of this task alone."""

@@ -12,6 +12,8 @@
 | interface_length | interface_length |
 | wall_force | force_x ..., and `force_x block` ... for each body |
 | elevation | `surface_1`, `surface_2` ... above each place |
+| flow_rate | `flow x_lower`, `through x_lower`, `face_pressure x_lower` ... of each inlet and outlet |
+| reattachment | separation, reattachment |
 | points, line | position and fields, one row for each point |
 
 What each looks at is in its `needs`.
@@ -39,6 +41,7 @@ from warpsph.case.gauge_models import REGISTERED, GaugeModel
 from warpsph.errors import CaseError, Problem, listed
 from warpsph.files.output import Schedule
 from warpsph.measure.elevation import ElevationGauge
+from warpsph.measure.flow_gauges import FlowRateGauge, ReattachmentGauge
 from warpsph.measure.gauge import Gauge, Needs
 from warpsph.measure.gauge_files import GaugeFile
 from warpsph.measure.phase_gauges import (
@@ -67,6 +70,8 @@ GAUGES: dict[str, type[Gauge]] = {
     "elevation": ElevationGauge,
     "points": PointsGauge,
     "line": LineGauge,
+    "flow_rate": FlowRateGauge,
+    "reattachment": ReattachmentGauge,
 }
 
 

@@ -19,6 +19,7 @@ from warpsph.errors import CapacityError, CaseError, ExpressionError, Problem
 from warpsph.scene.body_surfaces import surface_of
 from warpsph.scene.lattice import Lattice, make_lattice
 from warpsph.scene.masks import inside
+from warpsph.scene.open_faces import buffer_layers, open_axis, open_sides
 from warpsph.scene.physics import support_radius
 from warpsph.scene.surfaces import ShapeError
 
@@ -147,6 +148,7 @@ def on_device(case: Case, spec: Spec, fluid: int, walls: int, support: float, sk
         support: support radius [m]; skin: of the list as share of it.
         lattice: cells of the domain, for its box.
     """
+    fluid += buffered(case, spec, support, skin, lattice)
     real = 8 if spec.precision == "float64" else 4
     size = {"real": real, "vec": spec.dimension * real, "mat": spec.dimension**2 * real, "pair": 2 * real}
     size.update(int8=1, uint8=1, int16=2, int32=4)
@@ -193,8 +195,19 @@ def _structure(case: Case, found: Count, row_list: bool) -> Spec:
         paper_star=paper and several,
         shifting=shifting,
         scheme=case.numerics.scheme,
+        changing=case.has_flow_through,
+        open_axis=open_axis(case),
         row_list=row_list,
     )
+
+
+def buffered(case: Case, spec: Spec, support: float, skin: float, lattice: Lattice) -> int:
+    """Return how many particles the buffers of inlets and outlets hold."""
+    if spec.open_axis < 0:
+        return 0
+    layers = buffer_layers(support, skin, lattice.spacing[spec.open_axis])
+    face = math.prod(lattice.count) // lattice.count[spec.open_axis]
+    return sum(layers * face for _ in open_sides(case))
 
 
 def expected_on_device(case: Case, found: Count, row_list: bool = True) -> int:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import gc
 import math
 import os
@@ -21,6 +20,7 @@ from warpsph.engine.population import Population
 from warpsph.engine.stepper import Stepper
 from warpsph.errors import WarpsphError
 from warpsph.kernels.core import clock as ck
+from warpsph.kernels.core.fields import FLUID as IN_FLUID
 from warpsph.kernels.core.leaks import LARGEST, LAST
 from warpsph.kernels.core.mirror import FREE_SLIP, NO_SLIP, NO_WALL, make_sides
 from warpsph.kernels.core.params import make_params, make_phase
@@ -35,6 +35,7 @@ from warpsph.running.state_copy import copy_state
 from warpsph.running.wall_loads import WallLoads
 from warpsph.scene.forcing import forcing_of
 from warpsph.scene.geometry import Geometry, build
+from warpsph.scene.open_faces import buffer_layers
 from warpsph.scene.packing import Packer
 from warpsph.scene.physics import Physics, contact_matrix, derive, support_radius
 from warpsph.snapshot import Snapshot
@@ -107,7 +108,10 @@ class Model:
             del self.geometry  # of millions of particles there is no room for two
             self.geometry = build(case, self.physics.support, unlock, arrange)
         counts = self.geometry.fluid_count, self.geometry.wall_count
-        room = self.scheme.room(case, self.geometry)
+        room = self.scheme.room(case, self.geometry, self.physics)
+        self._loads: WallLoads | None = None
+        self._sums: DeviceSums | None = None
+        self._grown = 0
         self.particles = Population(self.physics.spec, self.scheme.fields(), *counts, self.device, room)
         self._fill()
         self.stepper = self._make_stepper()
@@ -194,7 +198,9 @@ class Model:
         vec, frames = types_of(self.physics.spec).vec, surface.frames
         across = np.stack([-frames.along[:, 1], frames.along[:, 0]], axis=1)
         columns = {"point": frames.point, "edge": frames.edge, "along": frames.along, "across": across}
-        return {f"frame_{name}": wp.array(column, dtype=vec, device=self.device) for name, column in columns.items()}
+        extent: Any = wp.array(np.minimum(frames.extent, 1.0e30), dtype=types_of(self.physics.spec).real, device=self.device)
+        arrays: dict[str, Any] = {name: wp.array(c, dtype=vec, device=self.device) for name, c in columns.items()}
+        return {f"frame_{name}": array for name, array in {**arrays, "extent": extent}.items()}
 
     def _params(self) -> Any:
         """Return `Params` with the members that follow from case and kernel; the scheme sets its own."""
@@ -253,6 +259,9 @@ class Model:
         margin = physics.support if geometry.wall_count else 0.0
         open_room = 4 * physics.support if case.has_open_sides else 0.0
         room = [0.0 if p else margin + open_room for p in spec.periodic]
+        if spec.open_axis >= 0:
+            layers = buffer_layers(physics.support, skin, geometry.lattice.spacing[spec.open_axis])
+            room[spec.open_axis] = max(room[spec.open_axis], (layers + 1) * geometry.lattice.spacing[spec.open_axis])
         return {
             "lower": [low - r for low, r in zip(geometry.lattice.lower, room, strict=True)],
             "upper": [u + r for u, r in zip(geometry.lattice.upper, room, strict=True)],
@@ -393,20 +402,36 @@ class Model:
         """Return a host copy of the state, rows in the order of the particle ids, velocity at the time of the positions."""
         return copy_state(self).snapshot()
 
-    @functools.cached_property
+    @property
     def sums(self) -> DeviceSums:
         """Sums of the state over phases, walls and interfaces.
 
         Raises:
             WarpsphError: the number of particles changes, which these sums do not follow.
         """
-        if self.particles.changing:
+        if self._sums is not None and self._grown == self.particles.grown:
+            return self._sums
+        if self.particles.changing and "zone" not in self.particles.arrays:
             raise WarpsphError(
                 f"gauges: those that add up particles do not follow the births and deaths of scheme {self.scheme.name}; "
                 "take a gauge that reads the particles themselves"
             )
         scene = Scene(self.case, eos_of_run(self.case, self.physics.sound_speed))
-        return DeviceSums(self.particles, self.launcher, self.stepper.clock, scene, self.case.spacing, self.scheme.staggered)
+        staggered = self.scheme.staggered
+        self._sums = DeviceSums(self.particles, self.launcher, self.stepper.clock, scene, self.case.spacing, staggered)
+        self._grown = self.particles.grown
+        return self._sums
+
+    @property
+    def fluid_count(self) -> int:
+        """Fluid particles in the domain, without those in the buffers of open sides."""
+        if "zone" not in self.particles.arrays:
+            return self.particles.fluid_count
+        return int(np.count_nonzero(self.particles.get("zone") == IN_FLUID))
+
+    def flow_rates(self) -> dict[str, float]:
+        """Return what goes through inlets and outlets, see `warpsph.measure.flow_gauges`."""
+        return self.scheme.flow_rates(self.case, self.geometry, self.physics, self.stepper.bindings)
 
     def interface_length(self) -> float:
         """Return the length (3-D: area) of all interfaces: the volume integral of |grad C| [m^(d-1)]."""
@@ -421,9 +446,11 @@ class Model:
         """Return what the fluid does to each wall body, see `WallLoads.forces`."""
         return self._wall_loads.forces()
 
-    @functools.cached_property
+    @property
     def _wall_loads(self) -> WallLoads:
-        return WallLoads(self.case, self.geometry, self.particles, self.launcher, self.stepper, self.sums)
+        if self._loads is None or self._loads.sums is not self.sums:  # both anew where the particles got more room
+            self._loads = WallLoads(self.case, self.geometry, self.particles, self.launcher, self.stepper, self.sums)
+        return self._loads
 
     def save_state(self) -> dict[str, np.ndarray]:
         """Return everything a restart needs, by name."""
@@ -433,8 +460,14 @@ class Model:
             "clock": np.array(clock),
             "counters": np.array(counters),
             "maxima": self.stepper.maxima.numpy().reshape(-1, ck.MAXIMA).max(axis=0),
-            "leak_counts": self.stepper.bindings["leak_counts"].numpy(),
+            "leak_counts": np.array(self.stepper.bindings["leak_counts"].numpy()),
+            # copies: on a CPU these are the arrays themselves, which go on changing while a checkpoint is written
+            **{name: np.array(self.stepper.bindings[name].numpy()) for name in self._kept_arrays()},
         }
+
+    def _kept_arrays(self) -> list[str]:
+        """Return the names of the arrays beside the fields that a restart goes on from."""
+        return [name for name in self.scheme.kept if name in self.stepper.bindings]
 
     def _make_room(self, state: dict[str, np.ndarray]) -> None:
         """Make room for the particles of a saved state, of which there may be more than at the start, or fewer."""
@@ -459,6 +492,10 @@ class Model:
         self.stepper.maxima.assign(np.tile(state["maxima"], self.launcher.threads))
         if "leak_counts" in state:  # checkpoints from before did not count
             self.stepper.bindings["leak_counts"].assign(state["leak_counts"])
+        for name in self._kept_arrays():
+            if name not in state:
+                raise ValueError(f"the saved state has no {name}")
+            self.stepper.bindings[name].assign(state[name])
         clock = np.array(self.stepper.read()[0])
         saved = state["clock"]
         clock[ck.CLOCK.kept] = saved[ck.CLOCK.kept]

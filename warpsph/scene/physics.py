@@ -13,6 +13,7 @@ from warpsph.kernels.core.smoothing import KERNELS
 from warpsph.kernels.core.spec import Spec
 from warpsph.scene.feasibility import checked
 from warpsph.scene.forcing import Forcing, forcing_of
+from warpsph.scene.open_faces import given_scales
 from warpsph.scene.signal_tables import ACCELERATION, RATE
 
 if TYPE_CHECKING:
@@ -162,9 +163,9 @@ def flow_scales(
 ) -> tuple[dict[str, float], np.ndarray]:
     """Return the scales of the flow and the pressure [Pa] that each phase sees.
 
-    velocity: largest of start, walls, channel flow driven by the body force, free fall over the fluid's height (free
-    surface) and capillary motion; pressure: hydrostatic head, Laplace jump, and what a body force builds up before walls
-    and bodies.
+    velocity: largest of start, walls, inlets, channel flow driven by the body force or between given pressures, free fall
+    over the fluid's height (free surface) and capillary motion; pressure: hydrostatic head, Laplace jump, what inlets and
+    outlets give, and what a body force builds up before walls and bodies.
     """
     phases = [case.phases[name] for name in case.phase_names]
     fluid = geometry.kind == 0
@@ -213,6 +214,10 @@ def flow_scales(
     if case.central_force is not None and not filled:
         far = float(np.linalg.norm(position - np.asarray(case.central_force.center), axis=1).max(initial=0.0))
         pulled = case.central_force.rate * far
+    if case.has_flow_through:
+        given, pressure, passing = given_scales(case, geometry)
+        speed, driven = max(speed, given), max(driven, passing)
+        seen += pressure
     guessed = max(speed, wall_speed, driven, falling, pulled, capillary)
     scales = {
         "velocity": guessed if case.scales.velocity == "auto" else float(case.scales.velocity),

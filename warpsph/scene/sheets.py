@@ -30,11 +30,13 @@ class Frames:
 
     point: (f, d), along the middle of the tails, about a spacing apart: who is nearest to one is judged by it
     edge, along: (f, d), see `warpsph/scene/tails.py`; far from the edge one that no line of sight passes
+    extent: (f,), how far behind the edge the body ends with a nose or a corner; infinite where it does not
     """
 
     point: NDArray[np.float64]
     edge: NDArray[np.float64]
     along: NDArray[np.float64]
+    extent: NDArray[np.float64]
 
     @property
     def count(self) -> int:
@@ -44,9 +46,11 @@ class Frames:
     @classmethod
     def joined(cls, parts: list[Frames], dimension: int) -> Frames:
         """Several as one."""
-        columns = [np.concatenate([np.empty((0, dimension)), *(getattr(part, name) for part in parts)])
-                   for name in ("point", "edge", "along")]  # fmt: skip
-        return cls(*columns)
+        none = np.empty((0, dimension))
+        point, edge, along = (
+            np.concatenate([none, *(getattr(part, name) for part in parts)]) for name in ("point", "edge", "along")
+        )
+        return cls(point, edge, along, np.concatenate([np.empty(0), *(part.extent for part in parts)]))
 
 
 @dataclass(frozen=True)
@@ -151,8 +155,9 @@ def frames_of(tail: Tail, spacing: float, reach: float) -> Frames:
     across = across / np.maximum(np.linalg.norm(across, axis=1), 1e-300)[:, None]
     along = np.stack([across[:, 1], -across[:, 0]], axis=1)
     middle = 0.5 * (foot + opposite)
-    return Frames(
-        point=np.concatenate([points, middle]),
-        edge=np.concatenate([np.tile(tail.edge, (len(points), 1)), middle + _FAR * reach * along]),
-        along=np.concatenate([np.tile(tail.along, (len(points), 1)), along]),
-    )
+    edges = np.concatenate([np.tile(tail.edge, (len(points), 1)), middle + _FAR * reach * along])
+    ways = np.concatenate([np.tile(tail.along, (len(points), 1)), along])
+    extent = np.full(len(edges), np.inf)
+    if not one.goes_on and not other.goes_on:
+        extent = np.einsum("ij,ij->i", edges - 0.5 * (one.point[-1] + other.point[-1]), ways)
+    return Frames(np.concatenate([points, middle]), edges, ways, extent)

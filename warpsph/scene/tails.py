@@ -47,18 +47,16 @@ _TURNED = 0.5
 class Sheet:
     """One side of a tail, from its edge to where the body is thick.
 
-    side: +1 on the side of the tail's `across`, -1 on the other
-    point: (k, 2), along the side, m; from the edge inwards
-    normal: (k, 2), unit normals into the fluid
-    arc: (k,), length from the edge, m
-    thick: whether it ends because the body is thick there
+    side: +1 on the side of the tail's `across`, -1 on the other point: (k, 2), along the side, m; from the edge inwards
+    normal: (k, 2), unit normals into the fluid arc: (k,), length from the edge, m goes_on: whether the body goes on
+    behind its end, thick or as another tail, rather than ends there with a nose or a corner
     """
 
     side: int
     point: NDArray[np.float64]
     normal: NDArray[np.float64]
     arc: NDArray[np.float64]
-    thick: bool
+    goes_on: bool
 
 
 @dataclass(frozen=True)
@@ -141,8 +139,8 @@ def _tail(
     along = -inwards / np.linalg.norm(inwards)
     across = np.array([-along[1], along[0]])
     sheets = []
-    for point, normal, arc, thick in (forwards, backwards):
-        sheets.append(Sheet(1 if normal[0] @ across > 0.0 else -1, point, normal, arc, thick))
+    for point, normal, arc, goes_on in (forwards, backwards):
+        sheets.append(Sheet(1 if normal[0] @ across > 0.0 else -1, point, normal, arc, goes_on))
     return Tail(edge, along, np.stack([ring[first], ring[last]]), (sheets[0], sheets[1]))
 
 
@@ -173,7 +171,8 @@ def _side(
     turn = np.abs((np.diff(angle) + np.pi) % (2.0 * np.pi) - np.pi)
     corners = np.flatnonzero(turn > CORNER)
     end = float(length[: corners[0] + 1].sum() if len(corners) else 0.5 * length.sum())
-    if len(corners) and (others == closed[corners[0] + 1]).all(axis=1).any():
+    shared = len(corners) > 0 and bool((others == closed[corners[0] + 1]).all(axis=1).any())
+    if shared:
         end *= 0.5
     steps = max(3, math.ceil(end / (_STEP * spacing)))
     arc = np.linspace(0.0, end, steps + 1)
@@ -187,4 +186,4 @@ def _side(
     stop = np.flatnonzero(thick | turned)
     last = int(stop[0]) if len(stop) else steps
     last = max(last, 2)
-    return point[: last + 1], normal[: last + 1], arc[: last + 1], bool(thick[last])
+    return point[: last + 1], normal[: last + 1], arc[: last + 1], bool(thick[last]) or (shared and len(stop) == 0)

@@ -10,10 +10,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from warpsph.errors import MISSING, CaseError, Problem
 from warpsph.kernels.core.smoothing import KERNELS
 from warpsph.kernels.core.spec import Spec
 from warpsph.scene.fluid_regions import LIGHT
 from warpsph.scene.forcing import forcing_of
+from warpsph.scene.open_faces import open_axis, open_sides
 from warpsph.scene.physics import (
     VISCOUS_LIMIT,
     Physics,
@@ -57,6 +59,9 @@ def derive(case: Case, geometry: Geometry, row_list: bool = True) -> Physics:
     names = case.phase_names
     phases = [case.phases[name] for name in names]
     filled = not has_room(case, geometry)
+    if case.has_flow_through and not filled:
+        rule = "leave room in the domain; with inlets or outlets the fluid has to fill it"
+        raise CaseError([Problem("fluids", MISSING, rule, "add {phase: ..., shape: rest} at the end")])
     tension = tension_matrix(case)
     has_tension = bool((tension > 0).any())
     forcing = forcing_of(case)
@@ -100,10 +105,11 @@ def derive(case: Case, geometry: Geometry, row_list: bool = True) -> Physics:
     shifting = choose(
         "shifting", SHIFTING if corrected else 0.0, "the corrected gradient needs it" if corrected else "not needed"
     )
+    closed = filled and not case.has_flow_through
     constraint = choose(
         "volume_constraint",
-        corrected and filled,
-        "the corrected gradient leaves the mean pressure free" if corrected and filled else "not needed",
+        corrected and closed,
+        "the corrected gradient leaves the mean pressure free" if corrected and closed else "not needed",
     )
     held = corrected and filled and float(shifting) > 0
     room = choose(
@@ -160,6 +166,9 @@ def derive(case: Case, geometry: Geometry, row_list: bool = True) -> Physics:
         interface_force=float(zeta) > 0 and len(phases) > 1,
         dissipation=float(dissipation) > 0,
         free_surface=not filled,
+        changing=case.has_flow_through,
+        open_axis=open_axis(case),
+        sponge=any(flow.sponge is not None for _, _, _, flow in open_sides(case)),
         row_list=row_list,
     )
     cap = step_limits(case, spec, h, tension)

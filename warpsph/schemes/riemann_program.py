@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from warpsph.engine.program import Absent, BuildList, KeepList, Node, Program, Rarely, Stage
 from warpsph.kernels.core.clock import make_advance
+from warpsph.kernels.core.crossing import BLOCKS, make_births, make_crossing, make_fill
 from warpsph.kernels.core.drive import make_move_sides, make_signals
 from warpsph.kernels.core.moving_bodies import make_move_bodies
 from warpsph.kernels.core.poses import MIDDLE, NEXT
@@ -24,6 +25,7 @@ from warpsph.kernels.riemann.interface import make_curvature, make_fraction, mak
 from warpsph.kernels.riemann.interface_flow import make_interface_flow
 from warpsph.kernels.riemann.load import make_load
 from warpsph.kernels.riemann.momentum import make_momentum
+from warpsph.kernels.riemann.open_flow import make_buffer, make_face, make_sponge
 from warpsph.kernels.riemann.volume import make_volume
 
 
@@ -34,7 +36,13 @@ def program(spec: Spec) -> Program:
         measures["interface"] = [*geometry(spec)]
     if spec.walls:
         measures["wall_load"] = [*signals(spec), *wall_load(spec)]
-    return Program(step=step(spec), start=start(spec), advance=advance(spec), measures=measures)
+    return Program(
+        step=step(spec),
+        start=start(spec),
+        advance=advance(spec),
+        measures=measures,
+        changes=crossing(spec),
+    )
 
 
 def step(spec: Spec) -> list[Node]:
@@ -48,9 +56,11 @@ def step(spec: Spec) -> list[Node]:
         *sides(spec),
         Stage("continuity", make_continuity(spec), "fluid", "density and pressure from star velocities"),
         *bodies(spec, NEXT, closing=1),
+        *open_flow(spec),
         *walls(spec),
         *([Rarely(rare)] if rare else []),
         Stage("momentum", make_momentum(spec), "fluid", "acceleration from star pressures"),
+        *sponge(spec),
         advance(spec),
         KeepList(),
     ]
@@ -77,8 +87,10 @@ def start(spec: Spec) -> list[Node]:
     return [
         *signals(spec),
         *bodies(spec, NEXT, speed=1, closing=1),
+        *fill(spec),
         state(spec),
         BuildList("the first list"),
+        *open_flow(spec, beginning=1),
         *sides(spec),
         *walls(spec),
         *tension(spec),
@@ -107,6 +119,50 @@ def bodies(spec: Spec, level: int, speed: int = 0, closing: int = 0) -> list[Sta
     reason = "bodies in the middle of the step" if level == MIDDLE else "bodies at the end of the step"
     values = {"level": level, "speed": speed, "closing": closing}
     return [Stage("move_bodies", make_move_bodies(spec), "wall", reason, values)]
+
+
+def fill(spec: Spec) -> list[Stage]:
+    """Return the stages that fill the buffers of inlets and outlets."""
+    if spec.open_axis < 0:
+        return []
+    write, count = make_fill(spec)
+    return [
+        Stage("fill_buffers", write, "fill_zone", "particles beyond inlets and outlets"),
+        Stage("count_buffers", count, "one", "counts them in"),
+    ]
+
+
+def open_flow(spec: Spec, beginning: int = 0) -> list[Stage]:
+    """Return the stages that give inlets, outlets and their buffers pressure and velocity."""
+    if spec.open_axis < 0:
+        return []
+    return [
+        Stage("open_face", make_face(spec), "site_side", "what arrives at inlets and outlets", {"beginning": beginning}),
+        Stage("open_buffer", make_buffer(spec), "fluid", "the flow beyond inlets and outlets"),
+    ]
+
+
+def sponge(spec: Spec) -> list[Stage]:
+    """Return the stage of the damping layers inside of inlets and outlets."""
+    if not spec.sponge:
+        return []
+    return [Stage("sponge", make_sponge(spec), "fluid", "layers that draw the flow to what inlets and outlets give")]
+
+
+def crossing(spec: Spec) -> list[Stage]:
+    """Return the stages that let particles in and out, before a list is made."""
+    if spec.open_axis < 0:
+        return []
+    count, place, write = make_births(spec)
+    cross, count_in = make_crossing(spec)
+    blocks = BLOCKS[spec.row_list]
+    return [
+        Stage("births", count, blocks, "rows of the inlets that go on"),
+        Stage("births_place", place, "one", "is there room for them"),
+        Stage("births_write", write, blocks, "new particles of these rows"),
+        Stage("crossing", cross, blocks, "fluid that comes in and goes out"),
+        Stage("crossing_count", count_in, "one", "counts particles and mass"),
+    ]
 
 
 def state(spec: Spec) -> Stage:
@@ -203,6 +259,8 @@ def absent(spec: Spec) -> list[Absent]:
         rows.append(Absent("drift", "walls, open sides, or a gradient that conserves momentum pair by pair"))
     if not spec.interface_force:
         rows.append(Absent("interface force", "numerics.interface_force is 0"))
+    if spec.open_axis < 0:
+        rows.append(Absent("open_face, open_buffer, crossing", "no side of the domain is an inlet or an outlet"))
     if not any(spec.periodic):
         rows.append(Absent("periodic images", "no periodic axis"))
     return rows
