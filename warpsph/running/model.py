@@ -182,7 +182,7 @@ class Model:
         vec, frames = types_of(self.physics.spec).vec, surface.frames
         across = np.stack([-frames.along[:, 1], frames.along[:, 0]], axis=1)
         columns = {"point": frames.point, "edge": frames.edge, "along": frames.along, "across": across}
-        extent = wp.array(np.minimum(frames.extent, 1.0e30), dtype=types_of(self.physics.spec).real, device=self.device)
+        extent: Any = wp.array(np.minimum(frames.extent, 1.0e30), dtype=types_of(self.physics.spec).real, device=self.device)
         arrays: dict[str, Any] = {name: wp.array(c, dtype=vec, device=self.device) for name, c in columns.items()}
         return {f"frame_{name}": array for name, array in {**arrays, "extent": extent}.items()}
 

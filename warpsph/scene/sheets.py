@@ -46,9 +46,11 @@ class Frames:
     @classmethod
     def joined(cls, parts: list[Frames], dimension: int) -> Frames:
         """Several as one."""
-        columns = [np.concatenate([np.empty((0, dimension)), *(getattr(part, name) for part in parts)])
-                   for name in ("point", "edge", "along")]  # fmt: skip
-        return cls(*columns, np.concatenate([np.empty(0), *(part.extent for part in parts)]))
+        vectors = {
+            name: np.concatenate([np.empty((0, dimension)), *(getattr(part, name) for part in parts)])
+            for name in ("point", "edge", "along")
+        }
+        return cls(**vectors, extent=np.concatenate([np.empty(0), *(part.extent for part in parts)]))
 
 
 @dataclass(frozen=True)
