@@ -94,17 +94,19 @@ def test_a_sum_of_weights_at_a_body_is_that_of_the_lattice():
     assert np.abs(found["lattice"] - whole).max() > 0.1
 
 
-def test_a_body_on_the_lattice_is_an_obstacle():
-    """A box whose faces lie between cells: the same wall particles, the fluid on the lattice."""
+def test_a_body_on_the_lattice_has_the_cells_of_it():
+    """A box whose faces lie between cells: its particles, and the fluid's, are in the middles of cells."""
     body = build(make(SQUARE), 16 * DX)
-    obstacle = build(Case.from_dict(copy.deepcopy(BASE) | {"obstacles": [{"shape": SQUARE}]}), 16 * DX)
     assert body.arrangement == "lattice"
+    middles = -0.5 + DX * (np.arange(32) + 0.5)
+    sites = np.stack(np.meshgrid(middles, middles, indexing="ij"), axis=-1).reshape(-1, 2)
+    inside = (np.abs(sites) < 0.25).all(axis=1)
 
-    def rows(geometry, kind):
-        return sorted(tuple(row) for row in np.round(geometry.position[geometry.kind == kind], 9).tolist())
+    def rows(points):
+        return sorted(tuple(row) for row in np.round(points, 9).tolist())
 
-    assert rows(body, WALL) == rows(obstacle, WALL)
-    assert rows(body, FLUID) == rows(obstacle, FLUID)
+    assert rows(body.position[body.kind == WALL]) == rows(sites[inside])
+    assert rows(body.position[body.kind == FLUID]) == rows(sites[~inside])
     assert np.ptp(body.volume) < 1e-15
 
 

@@ -1,4 +1,4 @@
-"""Regions of space, of fluids and obstacles."""
+"""Regions of space, of fluids and bodies."""
 
 from __future__ import annotations
 

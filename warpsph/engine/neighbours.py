@@ -231,7 +231,8 @@ class NeighbourList:
         n, fluid, wall = particles.capacity, particles.fluid_capacity, particles.wall_count
         tasks = [launcher.task("keys", cells.make_keys(spec), fluid, bindings, special={"moving": int(moving)})]
         if wall:
-            tasks.append(launcher.task("keys", cells.make_keys(spec), wall, bindings, fluid, special={"moving": 0}))
+            still = int(moving and spec.moving)
+            tasks.append(launcher.task("keys", cells.make_keys(spec), wall, bindings, fluid, special={"moving": still}))
 
         def sort() -> None:
             wp.utils.radix_sort_pairs(self.sort_keys, self.sort_order, n, 0, self.key_bits)
@@ -305,7 +306,7 @@ class NeighbourList:
     def _make_check_tasks(self) -> list[Task]:
         """Return the tasks that find out whether the list outlasts the next steps, see `kernels/core/slack.py`."""
         spec, launcher, bindings = self.spec, self.launcher, self.bindings
-        bindings.update(offset=self.particles.arrays["offset"], velocity=self.particles.arrays["velocity"])
+        bindings.update({name: self.particles.arrays[name] for name in ("offset", "velocity", "anchor", "position")})
         extremes, window, relative = slack.make_slack(spec)
         set_horizon, judge = make_judge(spec.precision)
         names = ("low_now", "high_now", "low_then", "high_then")

@@ -46,11 +46,11 @@ class Frames:
     @classmethod
     def joined(cls, parts: list[Frames], dimension: int) -> Frames:
         """Several as one."""
-        vectors = {
-            name: np.concatenate([np.empty((0, dimension)), *(getattr(part, name) for part in parts)])
-            for name in ("point", "edge", "along")
-        }
-        return cls(**vectors, extent=np.concatenate([np.empty(0), *(part.extent for part in parts)]))
+        none = np.empty((0, dimension))
+        point, edge, along = (
+            np.concatenate([none, *(getattr(part, name) for part in parts)]) for name in ("point", "edge", "along")
+        )
+        return cls(point, edge, along, np.concatenate([np.empty(0), *(part.extent for part in parts)]))
 
 
 @dataclass(frozen=True)
