@@ -210,6 +210,7 @@ def test_a_thin_airfoil_ends_at_its_nose(sight):
     found = sample(wing, DX, LAYERS)
     frames = found.frames
     assert np.isfinite(frames.extent).all()
+    assert found.area.sum() == pytest.approx(wing.extent)
     above = np.array([[-0.5 * DX, DX], [0.5 * DX, 1.5 * DX], [5 * DX, 3 * DX], [20 * DX, 3 * DX], [26 * DX, DX]])
     below = above * [1, -1]
     near = cKDTree(frames.point).query(above)[1]

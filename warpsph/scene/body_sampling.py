@@ -214,6 +214,8 @@ def _areas(
         side[near] = np.where(normal[near] @ across > 0.0, 1, -1)
     for own in (-1, 0, 1):
         rows = np.flatnonzero(first & (sampling.sheet == own))
+        if len(rows) == 0:
+            rows = np.flatnonzero(first)  # the nose of a body that is a tail all the way
         pieces = side == own
         if len(rows) and pieces.any():
             owner = rows[cKDTree(sampling.position[rows]).query(middle[pieces])[1]]
