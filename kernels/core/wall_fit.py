@@ -3,12 +3,13 @@
 At the foot x_s of each particle of the first layer, with weights w_f = W(x_f - x_s) V_f over the fluid and r = x_f - x_s,
 which is y along the normal n and s at right angles to it:
 
-    pressure: the least-squares fit p_s + G.r of p_f - rho_f b.r, b = g + f - a_w the acceleration that pressure balances
+    pressure: the least-squares fit p_s + G.r of p_f - rho_f b.r, b = g + f - a_w the acceleration it balances
     velocity: the least-squares fit v_w + S r + q y^2 + c s^2 of v_f, which is that of the wall at the surface
 
-A wall particle x behind that foot, z behind its own, has p = p_s + (G + rho b).(x - x_s) and mirrors v = v_w - S n z + q z^2:
-both are exact where the fluid has a linear pressure and a linear velocity, whatever the arrangement of particles. The
-quadratic terms make the viscous term beside the surface one of second order; s^2 is there for surfaces that are not plane.
+A wall particle x behind that foot, z behind its own, has p = p_s + (G + rho b).(x - x_s) and mirrors the velocity
+v_w - S n z + q z^2: both are exact where the fluid has a linear pressure and a linear velocity, whatever the arrangement of
+particles. The quadratic terms make the viscous term beside the surface one of second order; s^2 is there for surfaces that
+are not plane.
 
 A wall without friction has a velocity along it from the fit of the fluid alone, and a slope that makes no shear stress.
 Where the fluid is too thin for a fit, G = 0, and the velocity changes along the normal alone.
