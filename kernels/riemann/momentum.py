@@ -95,6 +95,7 @@ def make_momentum(spec: Spec) -> Any:
         boundary_volume: wp.array(dtype=real),
         wall_depth: wp.array(dtype=real),
         wall_normal: wp.array(dtype=vec),
+        wall_mixed: wp.array(dtype=wp.uint8),
         density_excess: wp.array(dtype=real),
         wall_impact: wp.array(dtype=real),
         acceleration: wp.array(dtype=vec),
@@ -296,6 +297,9 @@ def make_momentum(spec: Spec) -> Any:
                     p_wall = p_i
                     if wp.static(spec.gravity):
                         p_wall -= rho_i * wp.dot(params.gravity, d)
+                if wp.static(spec.multiphase and spec.bodies):
+                    if near or wall_mixed[j - fluid_count] != wp.uint8(0):
+                        p_wall = p_i - rho_i * wp.dot(params.gravity + params.body_force, d)
                 if wp.static(spec.corrected):
                     moment -= wp.outer(d, fd)
                     own_sum += (p_wall - p_i) * fd
