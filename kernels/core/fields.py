@@ -55,6 +55,11 @@ def mixed(spec: Spec) -> bool:
     return spec.bodies and spec.multiphase
 
 
+def moving_tails(spec: Spec) -> bool:
+    """Runs with bodies that have thin tails, and bodies that move."""
+    return spec.tails and spec.moving
+
+
 def shifting(spec: Spec) -> bool:
     """Runs that shift particles."""
     return spec.shifting
@@ -151,6 +156,7 @@ FLOW: tuple[Field, ...] = (
     Field("leader", "int32", "wall", True, bodies, "-", "number among the walls of the first-layer particle at the foot"),
     Field("sheet", "int8", "wall", True, tails, "-", "side of a thin tail through which a wall particle is seen; 0: any"),
     Field("frame", "int16", "wall", True, tails, "-", "number of the frame of lines of sight to it, -1: none"),
+    Field("frame_carried", "int16", "wall", True, moving_tails, "-", "number of the frame that moves with it, -1: none"),
     Field("frame_near", "int16", "fluid", False, tails, "-", "number of the frame of lines of sight nearby, -1: none"),
     Field("row_of_wall", "int32", "wall", False, bodies, "-", "present row, among the walls, of each by its number"),
     Field("surface_pressure", "real", "wall", False, bodies, "Pa", "of the fluid at the foot, for the first layer"),

@@ -77,6 +77,61 @@ def make_frame_box(dimension: int, precision: str) -> Any:
 
 
 @functools.cache
+def make_place_frames(spec: Spec) -> Any:
+    """Return the kernel over wall particles in which each that carries a frame brings it to where its body has moved (2-D).
+
+    The turn of the body is that of the normal of the particle since time 0.
+    """
+    _, vec, _, _ = types_of(spec)
+    dim = spec.dimension
+
+    @wp.func
+    def turned(x: vec, before: vec, now: vec):
+        cosine = wp.dot(before, now)
+        sine = before[0] * now[1] - before[1] * now[0]
+        result = x + vec()
+        result[0] = cosine * x[0] - sine * x[1]
+        result[1] = sine * x[0] + cosine * x[1]
+        return result
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def place_frames(
+        first: int,
+        fluid_count: int,
+        frame_carried: wp.array(dtype=wp.int16),
+        home: wp.array(dtype=vec),
+        home_normal: wp.array(dtype=vec),
+        wall_normal: wp.array(dtype=vec),
+        anchor: wp.array(dtype=vec),
+        frame_home_point: wp.array(dtype=vec),
+        frame_home_edge: wp.array(dtype=vec),
+        frame_home_along: wp.array(dtype=vec),
+        frame_point: wp.array(dtype=vec),
+        frame_edge: wp.array(dtype=vec),
+        frame_along: wp.array(dtype=vec),
+        frame_across: wp.array(dtype=vec),
+    ):
+        if wp.static(dim == 2):
+            w = wp.tid() + first
+            k = int(frame_carried[w])
+            if k < 0:
+                return
+            x = anchor[w + fluid_count]
+            before = home_normal[w]
+            now = wall_normal[w]
+            along = turned(frame_home_along[k], before, now)
+            frame_point[k] = x + turned(frame_home_point[k] - home[w], before, now)
+            frame_edge[k] = x + turned(frame_home_edge[k] - home[w], before, now)
+            frame_along[k] = along
+            across = vec()
+            across[0] = -along[1]
+            across[1] = along[0]
+            frame_across[k] = across
+
+    return place_frames
+
+
+@functools.cache
 def make_nearest_frame(spec: Spec) -> Any:
     """Return the kernel over the fluid that finds the frame nearest to each particle within `frame_reach`."""
     real, vec, _, _ = types_of(spec)

@@ -8,6 +8,7 @@ import warp as wp
 from scipy.spatial import cKDTree
 
 from warpsph.case.case import Case
+from warpsph.kernels.core import clock
 from warpsph.kernels.core.smoothing import KERNELS
 from warpsph.kernels.core.visibility import make_sight
 from warpsph.running import model as model_module
@@ -316,3 +317,37 @@ def test_the_wall_of_a_tube_is_thin():
     found = thin_places(tube, DX, LAYERS)
     assert found.thickness == pytest.approx(0.05, rel=0.02) and found.refused == 0
     assert found.warned == pytest.approx(tube.extent, rel=1e-6)
+
+
+def test_frames_move_with_their_body(device):
+    """A plate that glides and turns: after some steps its frames are those at time 0, moved and turned with it."""
+    case = Case.from_dict(
+        {
+            "dimension": 2,
+            "particle_spacing": DX,
+            "end_time": 1.0,
+            "domain": {"lower": [-0.3, -0.3], "upper": [0.3, 0.3], "boundary": {"x": "periodic", "y": "periodic"}},
+            "phases": {"water": {"density": 1000, "viscosity": 1, "sound_speed": 10}},
+            "fluids": [{"phase": "water", "shape": "rest"}],
+            "bodies": {
+                "plate": {
+                    "shape": {"box": {"lower": [-0.2, -0.02], "upper": [0.2, 0.0]}},
+                    "motion": {"translation": ["0.2*t", "0.1*t"], "rotation": "2*t", "pivot": [0.1, 0]},
+                }
+            },
+        }
+    )
+    model = Model(case, device)
+    assert model.physics.spec.tails and model.physics.spec.moving
+    model.stepper.prepare(fresh=True)
+    frames = model.geometry.surface.frames
+    model.stepper.run(1.0, 120)
+    model.stepper.rebuild()
+    time = float(model.stepper.read()[0][clock.TIME])
+    assert time > 1e-3
+    turn = np.array([[math.cos(2 * time), -math.sin(2 * time)], [math.sin(2 * time), math.cos(2 * time)]])
+    place = np.array([0.1, 0]) + np.array([0.2, 0.1]) * time
+    values = model.stepper.bindings
+    assert values["frame_along"].numpy() == pytest.approx(frames.along @ turn.T, abs=1e-5)
+    assert values["frame_point"].numpy() == pytest.approx(place + (frames.point - [0.1, 0]) @ turn.T, abs=1e-5)
+    assert values["frame_edge"].numpy() == pytest.approx(place + (frames.edge - [0.1, 0]) @ turn.T, abs=1e-5)

@@ -284,7 +284,12 @@ class NeighbourList:
         """Return the tasks that take out of the list what thin tails of bodies hide, see `kernels/core/visibility.py`."""
         spec, launcher, bindings = self.spec, self.launcher, self.bindings
         find_box = visibility.make_frame_box(spec.dimension, spec.precision)
+        tasks = []
+        if spec.moving:
+            place, walls = visibility.make_place_frames(spec), self.particles.wall_count
+            tasks.append(launcher.task("sight", place, walls, bindings))
         return [
+            *tasks,
             launcher.task("sight", find_box, 1, bindings, single=True),
             launcher.task("sight", visibility.make_nearest_frame(spec), self.particles.fluid_capacity, bindings),
             launcher.task("sight", visibility.make_unsee(spec), self.particles.capacity, bindings),

@@ -157,6 +157,8 @@ class Model:
         if self.physics.spec.tails:
             particles.put("sheet", surface.sheet)
             particles.put("frame", surface.frame)
+            if self.physics.spec.moving:
+                particles.put("frame_carried", surface.carried)
 
     def _make_stepper(self) -> Stepper:
         """Return the step loop: one clock, and one level of a uniform resolution."""
@@ -198,6 +200,8 @@ class Model:
         vec, frames = types_of(self.physics.spec).vec, surface.frames
         across = np.stack([-frames.along[:, 1], frames.along[:, 0]], axis=1)
         columns = {"point": frames.point, "edge": frames.edge, "along": frames.along, "across": across}
+        if self.physics.spec.moving:
+            columns |= {f"home_{name}": columns[name] for name in ("point", "edge", "along")}
         extent: Any = wp.array(np.minimum(frames.extent, 1.0e30), dtype=types_of(self.physics.spec).real, device=self.device)
         arrays: dict[str, Any] = {name: wp.array(c, dtype=vec, device=self.device) for name, c in columns.items()}
         return {f"frame_{name}": array for name, array in {**arrays, "extent": extent}.items()}

@@ -70,6 +70,20 @@ class Sampling:
         columns = {name: getattr(self, name)[kept] for name in _COLUMNS}
         return replace(self, **columns).led()
 
+    def carriers(self) -> NDArray[np.intp]:
+        """Which frame each particle carries (n,), -1 for none: every frame moves with a particle of a tail, the nearest
+        free one."""
+        from scipy.spatial import cKDTree
+
+        carried = np.full(self.count, -1, dtype=np.intp)
+        free = np.flatnonzero(self.sheet)
+        for k, point in enumerate(self.frames.point):
+            if len(free):
+                nearest = int(cKDTree(self.position[free]).query(point)[1])
+                carried[free[nearest]] = k
+                free = np.delete(free, nearest)
+        return carried
+
     def led(self) -> Sampling:
         """The same particles, each led by the one with an area whose foot is nearest, of its own sheet if there is one.
 

@@ -31,6 +31,7 @@ class Surroundings:
     leader: (n,) int, row of the particle of the first layer that is nearest to the foot
     sheet: (n,) int, side of a thin tail through which alone a particle is seen, 1 or -1; 0 for all others
     frame: (n,) int, which of `frames` lines of sight to it are judged by, -1 for none
+    carried: (n,) int, which of `frames` moves with the particle, -1 for none
     frames: of all tails
     """
 
@@ -41,6 +42,7 @@ class Surroundings:
     leader: NDArray[np.int64]
     sheet: NDArray[np.int8]
     frame: NDArray[np.int64]
+    carried: NDArray[np.int64]
     frames: Frames
 
 
@@ -60,7 +62,7 @@ def surroundings_of_sides(position: NDArray[np.float64], lattice: Lattice) -> Su
     if len(first):
         leader = first[cKDTree(foot[first]).query(foot)[1]]
         area[first] = lattice.cell_volume / (beyond[first] * spacing).sum(axis=1)
-    seen_by_all = np.zeros(n, dtype=np.int8), np.full(n, -1)
+    seen_by_all = np.zeros(n, dtype=np.int8), np.full(n, -1), np.full(n, -1)
     return Surroundings(
         normal, depth, area, np.full(n, lattice.cell_volume), leader, *seen_by_all, Frames.joined([], lattice.dimension)
     )
@@ -177,10 +179,14 @@ class WallCells:
         for solid in self.solids:
             s = solid.sampling
             frame = np.where(s.frame < 0, -1, s.frame + first_frame)
-            parts.append(Surroundings(s.normal, s.depth, s.area, s.volume, s.leader + first, s.sheet, frame, s.frames))
+            carried = s.carriers()
+            carried = np.where(carried < 0, -1, carried + first_frame)
+            parts.append(
+                Surroundings(s.normal, s.depth, s.area, s.volume, s.leader + first, s.sheet, frame, carried, s.frames)
+            )  # fmt: skip
             first += s.count
             first_frame += s.frames.count
-        names = ("normal", "depth", "area", "volume", "leader", "sheet", "frame")
+        names = ("normal", "depth", "area", "volume", "leader", "sheet", "frame", "carried")
         columns = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
         return Surroundings(**columns, frames=Frames.joined([part.frames for part in parts], lattice.dimension))
 
