@@ -2,7 +2,7 @@
 
 At each site of an open side a linear fit of pressure and velocity of the fluid, not of the buffers, gives what arrives from
 inside, w_out = p + Z u_n (n points outwards). What comes in, w_in = p - Z u_n, is such that the side has what is given, at
-once or with a rate of `relaxation`:
+once, or where waves may leave on the mean of the side with a rate of `relaxation`:
 
     velocity given: w_in = w_out - 2 Z u_n,  pressure given: w_in = 2 p - w_out
     p* = (w_out + w_in)/2,  u_n* = (w_out - w_in)/(2 Z)
@@ -220,13 +220,12 @@ def make_fit(spec: Spec) -> Any:
 
 
 @functools.cache
-def make_face(spec: Spec) -> Any:
-    """Return the kernel over the sites of all open sides: pressure, velocity, and how both go on outwards.
+def make_arrival(spec: Spec) -> Any:
+    """Return the kernel over the sites of all open sides that finds what arrives there from inside.
 
-    site_memory holds w_in and what was given in the step before; `beginning` = 1 sets it: to what is given, or where waves
-    may leave to what the fluid inside has.
+    site_arrival: (pressure [Pa], velocity outwards [m/s], what is given: one of both).
     """
-    real, vec, mat, pair = types_of(spec)
+    real, vec, _, pair = types_of(spec)
     Params = make_params(spec.dimension, spec.precision)
     Phase = make_phase(spec.precision)
     Grid = make_grid(spec.dimension, spec.precision)
@@ -235,7 +234,7 @@ def make_face(spec: Spec) -> Any:
     axis = spec.open_axis
 
     @wp.kernel(module="unique", enable_backward=False)
-    def face_state(
+    def face_arrival(
         first: int,
         beginning: int,
         params: Params,
@@ -249,8 +248,8 @@ def make_face(spec: Spec) -> Any:
         site_position: wp.array(dtype=vec),
         site_velocity: wp.array(dtype=vec),
         site_pressure: wp.array(dtype=real),
-        site_memory: wp.array(dtype=wp.vec2d),
         site_ahead: wp.array(dtype=wp.float64),
+        site_arrival: wp.array(dtype=wp.vec3d),
         cell_start: wp.array(dtype=int),
         position: wp.array(dtype=vec),
         velocity: wp.array(dtype=vec),
@@ -268,43 +267,120 @@ def make_face(spec: Spec) -> Any:
         inside = fit(site_position[k], params, grid, cell_start, position, velocity, state, zone)
         time = clock[TIME] + clock[STEP]
         factor = signal_at(time, side.signal_begin, side.signal_count, signal_step, signals)
-        wanted_velocity = site_velocity[k] * real(factor)
-        background = wp.float64(phases[0].background)
+        wanted = site_velocity[k] * real(factor)
+        given = wp.float64(site_pressure[k]) * factor + wp.float64(phases[0].background)
+        if side.gives_velocity == 1:
+            given = wp.float64(wanted[axis] * side.outward)
+        v = inside.velocity
         if inside.valid == 0:
-            inside.pressure = background
-            inside.velocity = wanted_velocity
+            inside.pressure = wp.float64(phases[0].background)
+            v = wanted
+        site_arrival[k] = wp.vec3d(inside.pressure, wp.float64(v[axis] * side.outward), given)
+        if side.gives_velocity == 1:
+            v = wanted
+        face_velocity[k] = v
+        face_pressure[k] = pair(real(inside.pressure), real(inside.slope) * side.outward)
+        face_stretch[k] = real(inside.stretch) * side.outward
+
+    return face_arrival
+
+
+@functools.cache
+def make_side(spec: Spec) -> Any:
+    """Return the kernel over the open sides: by how much what holds there differs from what is given, for sound to leave.
+
+    Only the mean of a side is sound that goes out: single sites that let go of what is given would take every change of a
+    velocity profile for a pressure of Z times it. side_memory holds w_in and the mean given in the step before;
+    `beginning` = 1 sets it to what the fluid inside has.
+    """
+    Phase = make_phase(spec.precision)
+    OpenSide = make_open_side(spec.dimension, spec.precision)
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def side_state(
+        first: int,
+        beginning: int,
+        clock: wp.array(dtype=wp.float64),
+        phases: wp.array(dtype=Phase),
+        open_sides: wp.array(dtype=OpenSide),
+        site_open: wp.array(dtype=wp.uint8),
+        site_arrival: wp.array(dtype=wp.vec3d),
+        side_memory: wp.array(dtype=wp.vec2d),
+        side_excess: wp.array(dtype=wp.float64),
+    ):
+        i = wp.tid() + first
+        side = open_sides[i]
+        side_excess[i] = wp.float64(0.0)
+        if side.relaxation == wp.float64(0.0):
+            return
+        mean = wp.vec3d()
+        count = wp.float64(0.0)
+        for k in range(side.first_site, side.first_site + side.first_count * side.second_count):
+            if site_open[k] == wp.uint8(1):
+                mean += site_arrival[k]
+                count += wp.float64(1.0)
+        mean /= wp.max(count, wp.float64(1.0))
         z = wp.float64(phases[0].impedance)
-        p = inside.pressure
-        u = wp.float64(inside.velocity[axis] * side.outward)
-        going = p + z * u
-        given = wp.float64(site_pressure[k]) * factor + background
+        given = mean[2]
+        going = mean[0] + z * mean[1]
         coming = wp.float64(2.0) * given - going
         per_given = wp.float64(2.0)
         if side.gives_velocity == 1:
-            given = wp.float64(wanted_velocity[axis] * side.outward)
             coming = going - wp.float64(2.0) * z * given
             per_given = wp.float64(-2.0) * z
-        if side.relaxation > wp.float64(0.0):
-            if beginning == 1:
-                coming = p - z * u
-            else:
-                memory = site_memory[k]
-                held = memory[0] + per_given * (given - memory[1])
-                coming = held + (coming - held) * (wp.float64(1.0) - wp.exp(-side.relaxation * clock[STEP]))
-        site_memory[k] = wp.vec2d(coming, given)
-        face_pressure[k] = pair(real(wp.float64(0.5) * (going + coming)), real(inside.slope) * side.outward)
-        normal = real(wp.float64(0.5) * (going - coming) / z)
-        v = wanted_velocity
-        if side.gives_velocity == 0:
+        if beginning == 1:
+            coming = mean[0] - z * mean[1]
+        else:
+            memory = side_memory[i]
+            held = memory[0] + per_given * (given - memory[1])
+            coming = held + (coming - held) * (wp.float64(1.0) - wp.exp(-side.relaxation * clock[STEP]))
+        side_memory[i] = wp.vec2d(coming, given)
+        value = wp.float64(0.5) * (going + coming)
+        if side.gives_velocity == 1:
+            value = wp.float64(0.5) * (going - coming) / z
+        side_excess[i] = value - given
+
+    return side_state
+
+
+@functools.cache
+def make_face(spec: Spec) -> Any:
+    """Return the kernel over the sites of all open sides that gives them pressure and velocity."""
+    real, vec, _, pair = types_of(spec)
+    Phase = make_phase(spec.precision)
+    OpenSide = make_open_side(spec.dimension, spec.precision)
+    axis = spec.open_axis
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def face_state(
+        first: int,
+        phases: wp.array(dtype=Phase),
+        open_sides: wp.array(dtype=OpenSide),
+        site_side: wp.array(dtype=int),
+        site_arrival: wp.array(dtype=wp.vec3d),
+        side_excess: wp.array(dtype=wp.float64),
+        face_pressure: wp.array(dtype=pair),
+        face_velocity: wp.array(dtype=vec),
+        face_stretch: wp.array(dtype=real),
+    ):
+        k = wp.tid() + first
+        side = open_sides[site_side[k]]
+        z = wp.float64(phases[0].impedance)
+        arrival = site_arrival[k]
+        p = arrival[2] + side_excess[site_side[k]]
+        normal = arrival[1] + (arrival[0] - p) / z
+        if side.gives_velocity == 1:
+            normal = p
+            p = arrival[0] + z * (arrival[1] - normal)
+        v = face_velocity[k]
+        if side.gives_velocity == 0 and normal <= wp.float64(0.0):
             v = vec()  # what comes in across a side of given pressure comes in straight
-            if normal > real(0.0):
-                v = inside.velocity
-        v[axis] = normal * side.outward
-        face_stretch[k] = real(0.0)
-        if side.relaxation > wp.float64(0.0) and normal > real(0.0):
-            # a wave that leaves goes on beyond the side; rows that come in keep their spacing
-            face_stretch[k] = real(inside.stretch) * side.outward
+        v[axis] = real(normal) * side.outward
         face_velocity[k] = v
+        face_pressure[k] = pair(real(p), face_pressure[k][1])
+        if side.relaxation == wp.float64(0.0) or normal <= wp.float64(0.0):
+            # a wave that leaves goes on beyond the side; rows that come in keep their spacing
+            face_stretch[k] = real(0.0)
 
     return face_state
 

@@ -25,7 +25,7 @@ from warpsph.kernels.riemann.interface import make_curvature, make_fraction, mak
 from warpsph.kernels.riemann.interface_flow import make_interface_flow
 from warpsph.kernels.riemann.load import make_load
 from warpsph.kernels.riemann.momentum import make_momentum
-from warpsph.kernels.riemann.open_flow import make_buffer, make_face, make_sponge
+from warpsph.kernels.riemann.open_flow import make_arrival, make_buffer, make_face, make_side, make_sponge
 from warpsph.kernels.riemann.volume import make_volume
 
 
@@ -136,8 +136,11 @@ def open_flow(spec: Spec, beginning: int = 0) -> list[Stage]:
     """Return the stages that give inlets, outlets and their buffers pressure and velocity."""
     if spec.open_axis < 0:
         return []
+    start = {"beginning": beginning}
     return [
-        Stage("open_face", make_face(spec), "site_side", "what arrives at inlets and outlets", {"beginning": beginning}),
+        Stage("open_arrival", make_arrival(spec), "site_side", "what arrives at inlets and outlets", start),
+        Stage("open_side", make_side(spec), "open_sides", "sound that leaves", start),
+        Stage("open_face", make_face(spec), "site_side", "pressure and velocity of inlets and outlets"),
         Stage("open_buffer", make_buffer(spec), "fluid", "the flow beyond inlets and outlets"),
     ]
 
@@ -260,7 +263,8 @@ def absent(spec: Spec) -> list[Absent]:
     if not spec.interface_force:
         rows.append(Absent("interface force", "numerics.interface_force is 0"))
     if spec.open_axis < 0:
-        rows.append(Absent("open_face, open_buffer, crossing", "no side of the domain is an inlet or an outlet"))
+        names = "open_arrival, open_side, open_face, open_buffer, crossing"
+        rows.append(Absent(names, "no side of the domain is an inlet or an outlet"))
     if not any(spec.periodic):
         rows.append(Absent("periodic images", "no periodic axis"))
     return rows

@@ -32,7 +32,7 @@ class RiemannScheme(Scheme):
     printed_ratio = 1.25
     staggered = True
     open_sides = True
-    kept = ("site_memory", "site_ahead", "face_pressure", "face_velocity", "through")
+    kept = ("side_memory", "site_ahead", "face_pressure", "face_velocity", "through")
     # the last of the wall stage, which knows schemes of two time levels
     work = frozenset({"load", "friction", "velocity_old"})
 
