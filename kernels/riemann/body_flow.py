@@ -1,7 +1,7 @@
 """What walls with a surface of their own add to the continuity sweep (theory: riemann#a5)."""
 
 import functools
-from typing import Any, NamedTuple
+from typing import Any
 
 import warp as wp
 
@@ -13,21 +13,15 @@ from warpsph.kernels.core.spec import Spec, types_of
 SMALLEST_MOMENT = 0.1  # determinant below which a neighbourhood is too thin to correct
 
 
-class BodyFlow(NamedTuple):
-    """`wp.func`s of a `Spec` with bodies.
-
-    Attributes:
-        walls: (rate, flow, moment) over the wall neighbours, whose velocity is the mirrored one; `weight` is rho g [Pa/m].
-        uneven: what the arrangement makes of a linear velocity that has no divergence, to be taken from the rate.
-    """
-
-    walls: Any
-    uneven: Any
-
-
 @functools.cache
-def make_body_flow(spec: Spec) -> BodyFlow:
-    """Return the functions; for a `Spec` without bodies they are never called."""
+def make_body_flow(spec: Spec) -> Any:
+    """Return the `wp.func` of the rate of continuity that wall neighbours make; without bodies it is never called.
+
+    Their velocity is the mirrored one. With the corrected gradient the rate also takes out what the arrangement of all
+    neighbours makes of a linear velocity without divergence. Arguments that are not those of the sweep: `dissipated` is
+    the star velocity for a pressure difference [m/(s Pa)], `weight` rho g [Pa/m], `flow` and `moment` the sums of
+    (v_j - v_i) (x) F V x_ij and -x_ij (x) F V x_ij over the fluid.
+    """
     real, vec, mat, pair = types_of(spec)
     Params = make_params(spec.dimension, spec.precision)
     _, slope = make_smoothing(spec.kernel, spec.precision)
@@ -35,18 +29,21 @@ def make_body_flow(spec: Spec) -> BodyFlow:
     _, _, neighbour, Listed = list_access(spec)
 
     @wp.func
-    def walls(
+    def rate_at_bodies(
         i: int,
         start: int,
         end: int,
         step: int,
         particle_count: int,
         wrapped: bool,
+        near: bool,
         xi: vec,
         vi: vec,
         dissipated: real,
         p_i: real,
         weight: vec,
+        flow: mat,
+        moment: mat,
         params: Params,
         neighbours: Listed,
         position: wp.array(dtype=vec),
@@ -56,8 +53,8 @@ def make_body_flow(spec: Spec) -> BodyFlow:
     ):
         fluid_rows = particle_count - boundary_volume.shape[0]
         rate = real(0.0)
-        flow = mat()
-        moment = mat()
+        wall_flow = mat()
+        wall_moment = mat()
         k = start
         while k < end:
             j = neighbour(neighbours, i, k)
@@ -70,16 +67,14 @@ def make_body_flow(spec: Spec) -> BodyFlow:
             if wp.static(spec.dissipation and not spec.corrected):
                 rate += f * (p_i - state[j][0] - wp.dot(weight, d)) * r * dissipated
             if wp.static(spec.corrected):
-                flow += wp.outer(mirror_velocity[w] - vi, f * d)
-                moment -= wp.outer(d, f * d)
-        return rate, flow, moment
+                wall_flow += wp.outer(mirror_velocity[w] - vi, f * d)
+                wall_moment -= wp.outer(d, f * d)
+        if wp.static(spec.corrected):
+            if end > start and not near:
+                m = (moment + wall_moment) * params.g_norm
+                total = flow + wall_flow
+                if wp.determinant(m) > real(SMALLEST_MOMENT):
+                    rate -= wp.trace(total * wp.inverse(m)) - wp.trace(total)
+        return rate
 
-    @wp.func
-    def uneven(flow: mat, moment: mat, g_norm: real):
-        result = real(0.0)
-        m = moment * g_norm
-        if wp.determinant(m) > real(SMALLEST_MOMENT):
-            result = wp.trace(flow * wp.inverse(m)) - wp.trace(flow)
-        return result
-
-    return BodyFlow(walls, uneven)
+    return rate_at_bodies

@@ -71,7 +71,7 @@ def make_continuity(spec: Spec) -> Any:
     spray = spec.free_surface and not spec.multiphase
     sided = spec.multiphase and not spec.paper_star
     linear = spec.bodies and spec.corrected  # exact for a linear velocity and pressure on any arrangement
-    body_walls, uneven_rate = make_body_flow(spec)
+    rate_at_bodies = make_body_flow(spec)
     sparse = 0.4 * spec.dimension  # of `crowd`: fewer neighbours than a particle on a free surface has
 
     @wp.kernel(module="unique", enable_backward=False, module_options=SWEEP_OPTIONS)
@@ -231,15 +231,10 @@ def make_continuity(spec: Spec) -> Any:
         if wp.static(spec.bodies):
             # the fit at the wall does not know which fluid is whose: near another there is no difference of pressure
             weight = own.density * gravity_of(params, forcing, GRAVITY_NOW)
-            wall_rate, wall_flow, wall_moment = body_walls(
-                i, k, end, step, particle_count, wrapped, xi, vi, wp.where(near, real(0.0), inv_z), p_i, weight,
-                params, neighbours, position, boundary_volume, mirror_velocity, state,
+            rate += rate_at_bodies(
+                i, k, end, step, particle_count, wrapped, near, xi, vi, wp.where(near, real(0.0), inv_z), p_i, weight, flow,
+                moment, params, neighbours, position, boundary_volume, mirror_velocity, state,
             )  # fmt: skip
-            rate += wall_rate
-            if wp.static(linear):
-                if wall_neighbours[i] > wp.int16(0) and not near:
-                    rate -= uneven_rate(flow + wall_flow, moment + wall_moment, params.g_norm)
-
         if wp.static(sided):
             # A heavy particle among light ones takes their pressure at up to twice the rate of one among its own, which is
             # c sum |W'| V. Forward Euler bears 2 in a step: what is beyond three quarters of that, and beyond the rate that

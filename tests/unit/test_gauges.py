@@ -603,6 +603,25 @@ def test_wall_force_of_each_body_and_of_all():
     assert row["force_x domain"] == 1.0
 
 
+@pytest.mark.parametrize(("pivot", "torque"), [(None, 7.0), ([0.0, 0.0], 7.0 + 0.5 * 20.0 - 0.25 * 3.0)])
+def test_a_body_has_parts_of_its_force_and_a_torque_about_a_pivot(pivot, torque):
+    gauge = {"type": "wall_force", "interval": 0.1} | ({"pivot": pivot} if pivot else {})
+    bodies = {"fin": {"shape": {"sphere": {"center": [0.5, 0.25], "radius": 0.2}}}}
+    case = make_case({"load": gauge}, bodies=bodies)
+    extra = {f"wall_force_{axis} domain": 0.0 for axis in "xy"}
+    extra |= {"wall_force_x fin": 3.0, "wall_force_y fin": 20.0, "wall_friction_x fin": 1.0, "wall_friction_y fin": 5.0}
+    extra |= {"wall_torque_z fin": 7.0, "wall_centre_x fin": 0.5, "wall_centre_y fin": 0.25}
+    row = measure(case, make_snapshot([[0, 0]], extra=extra))
+    assert (row["pressure_x fin"], row["pressure_y fin"]) == (2.0, 15.0)
+    assert (row["friction_x fin"], row["friction_y fin"]) == (1.0, 5.0)
+    assert row["torque_z fin"] == pytest.approx(torque)
+
+
+def test_a_pivot_needs_a_body():
+    with pytest.raises(CaseError, match="gauges.load.pivot.*needs bodies"):
+        make_case({"load": {"type": "wall_force", "interval": 0.1, "pivot": [0, 0]}})
+
+
 def test_two_columns_of_one_name_are_refused():
     phases = {"max": {"density": 1.0}}
     fluids = [{"phase": "max", "shape": "rest"}]
