@@ -17,6 +17,7 @@ from .surface import INSIDE
 
 UNSURE = 0.01  # excess E that disorder alone can make: its standard deviation is 0.0037 on shifted particles
 TOUCH = 0.75  # distance from a wall particle at which a particle of the surface stops, in spacings; a resting row has 1
+VISCOUS_RATE = 1.0
 TENSION = 0.5  # largest, over rho u_max^2
 
 
@@ -63,8 +64,12 @@ def make_assemble(spec: Spec) -> Any:
         surface: wp.array(dtype=wp.uint8),
         position: wp.array(dtype=vec),
         velocity: wp.array(dtype=vec),
+        velocity_old: wp.array(dtype=vec),
         velocity_star: wp.array(dtype=vec),
         rest_volume: wp.array(dtype=real),
+        boundary_volume: wp.array(dtype=real),
+        wall_normal: wp.array(dtype=vec),
+        continued_velocity: wp.array(dtype=vec),
         pressure: wp.array(dtype=real),
         lasting_gradient: wp.array(dtype=vec),
         dilation: wp.array(dtype=real),
@@ -100,6 +105,13 @@ def make_assemble(spec: Spec) -> Any:
         beta = weights[2] * clock[STEP]
         # what gravity adds to u*: the pressure of images and walls balances it, so that it is not mirrored
         falling = params.gravity * real(beta)
+        kept = real(0.0)
+        if wp.static(spec.bodies):
+            number = real(VISCOUS_RATE) * real(beta) * phases[0].viscosity / (rho * params.h * params.h)
+            kept = number / (real(1.0) + number)
+            falling = falling * (real(1.0) - kept)
+            push = kept * real(beta) / rho
+            vi = vi - push * lasting_gradient[i]
         crowd = rest_volume[i]
         full = bool(True)
         flow = mat()
@@ -129,11 +141,14 @@ def make_assemble(spec: Spec) -> Any:
             crowd += core * core * rest_volume[j]
             w = weight * f
             vj = velocity_star[j]
+            if wp.static(spec.bodies):
+                vj = vj - push * lasting_gradient[j]
+                right += (kept * w) * (pressure[i] - pressure[j])
             if wp.static(spec.mirror):
                 if code != 0:
                     vj = image_velocity(vj - falling, code, sides) + falling
                     if wp.static(spec.gravity):
-                        right += w * rho * wp.dot(params.gravity, lift(xj, code, sides))
+                        right += (real(1.0) - kept) * (w * rho * wp.dot(params.gravity, lift(xj, code, sides)))
             flow += wp.outer(vj - vi, f * d)
             uneven += w * d
             known = bool(False)
@@ -152,12 +167,26 @@ def make_assemble(spec: Spec) -> Any:
                 entry += row_step
                 count += 1
         if wp.static(spec.walls):
+            if wp.static(spec.bodies):
+                wall_first = particle_count - boundary_volume.shape[0]
+                lasting = lasting_gradient[i]
+                now = velocity[i]
+                ahead = now + (now - velocity_old[i]) * real(weights[3])
+                added = (vi - ahead) * (rho / real(beta))
             full = full and wall_neighbours[i] == wp.int16(0)
             end += int(wall_neighbours[i]) * step
             while k < end:
                 j = neighbour(neighbours, i, k)
                 k += step
                 d = apart(xi, position[j], 0, wrapped, params, sides)
+                if wp.static(spec.bodies):
+                    b = j - wall_first
+                    n = wall_normal[b]
+                    f = slope(wp.sqrt(wp.dot(d, d)) * params.inv_h) * boundary_volume[b]
+                    # the velocity continued; what the step adds to it is that of this particle, reversed across the wall
+                    flow += wp.outer(continued_velocity[b] - ahead, f * d)
+                    right += weight * f * ((kept + (real(1.0) - kept) * deferred) * wp.dot(lasting, n) - wp.dot(added, n)) * wp.dot(d, n)
+                    continue
                 f = slope(wp.sqrt(wp.dot(d, d)) * params.inv_h) * params.wall_volume
                 w = weight * f
                 # an image of this particle: velocity mirrored at that of the wall, pressure in balance with the weight
@@ -173,15 +202,19 @@ def make_assemble(spec: Spec) -> Any:
             wanted = params.feedback * real(clock[SPEED]) * params.inv_h * excess
         if relaxed == 1:
             # BDF2 of dD/dt = -(D - wanted)/tau, the right side extrapolated: stable up to dt = tau
-            rate = wp.min(wp.float64(2.0) * clock[SPEED] / wp.float64(params.h), wp.float64(1.0) / clock[STEP])
-            now = wp.float64(dilation[i])
-            old = wp.float64(dilation_old[i])
-            left = now + weights[3] * (now - old) - wp.float64(wanted)
-            divergence -= real(weights[0] * now - weights[1] * old - beta * rate * left)
+            rate = wp.float64(2.0) * clock[SPEED] / wp.float64(params.h)
+            if wp.static(spec.bodies):
+                # what friction makes of it
+                rate += wp.float64(VISCOUS_RATE * phases[0].viscosity / (rho * params.h * params.h))
+            rate = wp.min(rate, wp.float64(1.0) / clock[STEP])
+            left_now = wp.float64(dilation[i])
+            left_old = wp.float64(dilation_old[i])
+            left = left_now + weights[3] * (left_now - left_old) - wp.float64(wanted)
+            divergence -= real(weights[0] * left_now - weights[1] * left_old - beta * rate * left)
         else:
             divergence -= wanted
         right -= share * (spread[i] / real(dimension)) * divergence / real(beta)
-        right += deferred * wp.dot(lasting_gradient[i], uneven)
+        right += (real(1.0) - kept) * deferred * wp.dot(lasting_gradient[i], uneven)
         matrix_counts[i] = wp.int16(count)
         matrix_diagonal[i] = diagonal + coupling
         matrix_moment[i] = moment
@@ -266,6 +299,8 @@ def make_correct(spec: Spec) -> Any:
         rest_volume: wp.array(dtype=real),
         pressure: wp.array(dtype=real),
         correction: wp.array(dtype=mat),
+        boundary_volume: wp.array(dtype=real),
+        wall_normal: wp.array(dtype=vec),
         surface: wp.array(dtype=wp.uint8),
         velocity_star: wp.array(dtype=vec),
         velocity: wp.array(dtype=vec),
@@ -304,6 +339,18 @@ def make_correct(spec: Spec) -> Any:
                     p_j += rho * wp.dot(params.gravity, lift(xj, code, sides))
             f = slope(wp.sqrt(wp.dot(d, d)) * params.inv_h) * rest_volume[j]
             total += (f * (p_j + sign * p_i)) * d
+        shut = mat()
+        push = vec()
+        added = vec()
+        if wp.static(spec.bodies):
+            # what the pressure has to balance: at the start, when no step has been made, the forces
+            added = (params.gravity + params.body_force) * rho
+            weights = time_weights(clock)
+            reach = real(weights[2] * clock[STEP])
+            if reach > real(0.0):
+                now = velocity[i]
+                ahead = now + (now - velocity_old[i]) * real(weights[3])
+                added = (velocity_star[i] - ahead) * (rho / reach)
         nearest = real(TOUCH) * params.spacing  # distance of the nearest wall particle
         off_wall = vec()
         wall_speed = vec()
@@ -318,6 +365,14 @@ def make_correct(spec: Spec) -> Any:
                     nearest = r
                     off_wall = d / r
                     wall_speed = velocity[j]
+                if wp.static(spec.bodies):
+                    b = j - (particle_count - boundary_volume.shape[0])
+                    n = wall_normal[b]
+                    fd = (slope(r * params.inv_h) * boundary_volume[b] * params.g_norm) * d
+                    # along the wall as the fluid has it, across it what stops the velocity
+                    shut += wp.outer(fd, d - n * wp.dot(n, d))
+                    push -= fd * (wp.dot(n, d) * wp.dot(n, added))
+                    continue
                 p_j = p_i
                 if wp.static(spec.gravity):
                     p_j -= rho * wp.dot(params.gravity, d)
@@ -325,7 +380,13 @@ def make_correct(spec: Spec) -> Any:
                 total += (f * (p_j + sign * p_i)) * d
         gradient = total * params.g_norm
         if wp.static(spec.corrected):
-            gradient = correction[i] * gradient
+            if wp.static(spec.bodies):
+                if wall_neighbours[i] > wp.int16(0):
+                    gradient = wp.inverse(wp.inverse(correction[i]) + shut) * (gradient + push)
+                else:
+                    gradient = correction[i] * gradient
+            else:
+                gradient = correction[i] * gradient
         if advancing == 0:
             pressure_gradient[i] = gradient
             lasting_gradient[i] = gradient

@@ -154,6 +154,7 @@ def make_predict(spec: Spec) -> Any:
         rest_volume: wp.array(dtype=real),
         mirror_velocity: wp.array(dtype=vec),
         slip: wp.array(dtype=wp.uint8),
+        boundary_volume: wp.array(dtype=real),
         correction: wp.array(dtype=mat),
         crowding: wp.array(dtype=vec),
         spread: wp.array(dtype=real),
@@ -226,7 +227,10 @@ def make_predict(spec: Spec) -> Any:
                 k += step
                 d = apart(xi, position[j], 0, wrapped, params, sides)
                 r2 = wp.dot(d, d)
-                f = slope(wp.sqrt(r2) * params.inv_h) * params.wall_volume
+                wall_volume = params.wall_volume
+                if wp.static(spec.bodies):
+                    wall_volume = boundary_volume[j - (particle_count - boundary_volume.shape[0])]
+                f = slope(wp.sqrt(r2) * params.inv_h) * wall_volume
                 fd = f * d
                 moment -= wp.outer(d, fd)
                 even += fd

@@ -165,7 +165,8 @@ def build(case: Case, support: float, unlock: float = 0.0, arrange: Arrange | No
         volume[fluids:] = surface.volume
         if solid is not None and not (region < 0)[~solid].any():
             # the particles share the room that the bodies leave, not that of the cells
-            free = math.prod(lattice.count) * lattice.cell_volume - sum(s.measure for s in walls.samplings)
+            whole = math.prod(lattice.count) * lattice.cell_volume
+            free = whole - sum(s.measure if s.measure > 0.0 else whole + s.measure for s in walls.samplings)
             volume[:fluids] *= free / volume[:fluids].sum()
     return Geometry(
         position=rows(fluid.position, walls.position, np.float64, vector),

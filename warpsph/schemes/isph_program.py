@@ -11,6 +11,8 @@ from warpsph.engine.program import Absent, BuildList, Node, Program, Solve, Stag
 from warpsph.kernels.core.clock import make_advance
 from warpsph.kernels.core.spec import Spec
 from warpsph.kernels.core.wall import make_wall
+from warpsph.kernels.core.wall_fit import make_wall_rows
+from warpsph.kernels.isph.body_flow import make_body_fit, make_body_velocity
 from warpsph.kernels.isph.diffusion import make_diffusion
 from warpsph.kernels.isph.pressure import make_accept, make_assemble, make_correct
 from warpsph.kernels.isph.projection import make_advect, make_predict, make_settle
@@ -47,7 +49,7 @@ def first(spec: Spec) -> list[Node]:
 
 def start(spec: Spec) -> list[Node]:
     """Return the nodes that find the gradient of the start pressure, which the surface stage would overwrite."""
-    seen = [stage for stage in look(spec) if stage.name in ("wall_state", "predict")]
+    seen = [stage for stage in look(spec) if stage.name not in ("surface", "fragments")]
     return [BuildList("the first list"), *seen, _gradient(spec)[-1]]
 
 
@@ -86,7 +88,10 @@ def move(spec: Spec) -> list[Stage]:
 def look(spec: Spec) -> list[Stage]:
     """Return the stages that look at the new arrangement."""
     stages = []
-    if spec.wall_no_slip and spec.walls:
+    if spec.bodies:
+        stages.append(Stage("wall_rows", make_wall_rows(), "wall", "where the list build has put each wall particle"))
+        stages += bodies(spec, 1.0)
+    elif spec.wall_no_slip and spec.walls:
         stages.append(Stage("wall_state", make_wall(spec), "wall", "mirrored velocity of the obstacles"))
     stages.append(Stage("predict", make_predict(spec), "fluid", "velocity without pressure; correction of the gradient"))
     if spec.free_surface:
@@ -94,6 +99,17 @@ def look(spec: Spec) -> list[Stage]:
         stages.append(Stage("surface", find, "fluid", "particles at the free surface, where p = 0"))
         stages.append(Stage("fragments", drop, "fluid", "splashes of a few particles have no inside"))
     return stages
+
+
+def bodies(spec: Spec, ahead: float) -> list[Stage]:
+    """Return the stages that continue the flow into bodies: that of the end of the step (`ahead` 1), or the present one (0)."""
+    if not spec.bodies:
+        return []
+    values = {"ahead": ahead}
+    return [
+        Stage("body_fit", make_body_fit(spec), "wall", "linear fit of the flow before the bodies", values=values),
+        Stage("body_velocity", make_body_velocity(spec), "wall", "mirrored and continued velocity of the bodies"),
+    ]
 
 
 def diffuse(spec: Spec) -> list[Stage]:
@@ -120,6 +136,7 @@ def finish(spec: Spec) -> list[Stage]:
     """Return the stages after the solver."""
     stages = [
         *take(spec),
+        *bodies(spec, 0.0),
         Stage("regularise", make_regularise(spec), "fluid", "divergence left over, shift of the particles"),
     ]
     if not spec.second_order:
