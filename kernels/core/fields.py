@@ -120,6 +120,7 @@ FLOW: tuple[Field, ...] = (
     Field("surface_pressure", "real", "wall", False, bodies, "Pa", "of the fluid at the foot, for the first layer"),
     Field("surface_gradient", "vec", "wall", False, bodies, "Pa/m", "of the pressure there"),
     Field("surface_shear", "mat", "wall", False, bodies, "1/s", "velocity gradient there, [a, b] = d v_a / d x_b"),
-    Field("mirror_velocity", "vec", "wall", True, no_slip, "m/s", "velocity that friction on the wall sees"),
+    Field("surface_velocity", "vec", "wall", False, bodies, "m/s", "of the fluid at the foot, for the first layer"),
+    Field("mirror_velocity", "vec", "wall", True, depths, "m/s", "velocity that friction on the wall sees"),
 )
 """fields of a scheme of fluid flow"""

@@ -21,7 +21,9 @@ from .params import make_params, make_phase
 from .smoothing import make_smoothing
 from .spec import SWEEP_OPTIONS, Spec, types_of
 
-THIN = 1.0e-3  # determinant of a moment below which it is not inverted, over that of an even half space, per dimension
+HALF_SPACE = {1: 0.07, 2: 0.019, 3: 0.0047}  # determinant of the spread of an even half space, over h^(2d) (Wendland C2)
+THIN = 0.05  # share of it below which the fluid before a foot is too thin for a fit; a right-angled corner has a quarter
+NEAREST = 0.25  # spacings: fluid nearer than that to the surface counts as at that distance, for the slope of its velocity
 
 
 @functools.cache
@@ -51,7 +53,7 @@ def make_wall_fit(spec: Spec) -> Any:
     shape, _ = make_smoothing(spec.kernel, spec.precision)
     separation = separation_of(spec)
     list_begin, list_step, neighbour, Listed = list_access(spec)
-    thin = THIN**spec.dimension
+    thin = THIN * HALF_SPACE[spec.dimension]
 
     @wp.kernel(module="unique", enable_backward=False, module_options=SWEEP_OPTIONS)
     def wall_fit(
@@ -71,8 +73,10 @@ def make_wall_fit(spec: Spec) -> Any:
         wall_depth: wp.array(dtype=real),
         wall_normal: wp.array(dtype=vec),
         wall_area: wp.array(dtype=real),
+        slip: wp.array(dtype=wp.uint8),
         surface_pressure: wp.array(dtype=real),
         surface_gradient: wp.array(dtype=vec),
+        surface_velocity: wp.array(dtype=vec),
         surface_shear: wp.array(dtype=mat),
     ):
         w = wp.tid() + first
@@ -89,7 +93,11 @@ def make_wall_fit(spec: Spec) -> Any:
         mean = vec()  # of r
         slope_p = vec()  # sum w p r
         square = mat()  # sum w r (x) r
+        flow = vec()  # sum w (v - v_w)
         shear = mat()  # sum w (v - v_w) (x) r
+        slips = bool(True)
+        if wp.static(spec.wall_no_slip):
+            slips = slip[w] != wp.uint8(0)
         k = list_begin(i, list_width)
         step = list_step(particle_count)
         end = k + int(fluid_neighbours[i]) * step
@@ -110,6 +118,7 @@ def make_wall_fit(spec: Spec) -> Any:
             mean += w_j * r
             slope_p += (w_j * p_j) * r
             square += wp.outer(r, w_j * r)
+            flow += w_j * (velocity[j] - own_velocity)
             shear += wp.outer(velocity[j] - own_velocity, w_j * r)
         gradient = vec()
         if weight > real(1.0e-20):
@@ -118,24 +127,40 @@ def make_wall_fit(spec: Spec) -> Any:
             mean = mean * inv_weight
             square = square * inv_weight
             shear = shear * inv_weight
+            flow = flow * inv_weight
             spread = square - wp.outer(mean, mean)
-            size = params.spacing * params.spacing
             limit = real(thin)
             for _axis in range(wp.static(spec.dimension)):
-                limit = limit * size
-            if wp.determinant(spread) > limit:
-                gradient = wp.inverse(spread) * (slope_p * inv_weight - p * mean)
+                limit = limit * params.h * params.h
+            whole = wp.determinant(spread) > limit
+            inverse = mat()
+            if whole:
+                inverse = wp.inverse(spread)
+                gradient = inverse * (slope_p * inv_weight - p * mean)
             p = p - wp.dot(gradient, mean)
-            if wp.determinant(square) > limit:
+            free = (shear - wp.outer(flow, mean)) * inverse  # of a fit that does not know the wall
+            if whole:
                 shear = shear * wp.inverse(square)
             else:
-                out = wp.max(wp.dot(normal, square * normal), real(1.0e-6) * size)
+                nearest = real(NEAREST) * params.spacing
+                out = wp.max(wp.dot(normal, square * normal), nearest * nearest)
                 shear = wp.outer(shear * normal / out, normal)
+            if slips:
+                # along a wall without friction the fluid has its own velocity, and no shear stress: (S + S^T) n is along n
+                along = flow - free * mean
+                along -= normal * wp.dot(along, normal)
+                free -= wp.outer(free * normal, normal)
+                free -= wp.outer(normal, wp.transpose(free) * normal)
+                out_of = wp.transpose(shear) * normal
+                twist = out_of - normal * wp.dot(out_of, normal)
+                shear = free + wp.outer(normal, out_of) - wp.outer(twist, normal)
+                own_velocity += along
             gradient += balanced * (density * inv_weight)
         else:
             shear = mat()
         surface_pressure[w] = p
         surface_gradient[w] = gradient
+        surface_velocity[w] = own_velocity
         surface_shear[w] = shear
 
     return wall_fit
@@ -160,8 +185,10 @@ def make_wall_values(spec: Spec) -> Any:
         wall_depth: wp.array(dtype=real),
         wall_normal: wp.array(dtype=vec),
         boundary_volume: wp.array(dtype=real),
+        slip: wp.array(dtype=wp.uint8),
         surface_pressure: wp.array(dtype=real),
         surface_gradient: wp.array(dtype=vec),
+        surface_velocity: wp.array(dtype=vec),
         surface_shear: wp.array(dtype=mat),
         state: wp.array(dtype=pair),
         mirror_velocity: wp.array(dtype=vec),
@@ -175,7 +202,10 @@ def make_wall_values(spec: Spec) -> Any:
         if wp.static(spec.free_surface):
             p = wp.max(p, real(0.0))  # a wall does not pull on a fluid that may leave it
         state[i] = pair(p, boundary_volume[w])
+        mirror = surface_velocity[lead] + surface_shear[lead] * way
         if wp.static(spec.wall_no_slip):
-            mirror_velocity[w] = velocity[i] - surface_shear[lead] * (wall_normal[w] * wall_depth[w])
+            if slip[w] == wp.uint8(0):
+                mirror = velocity[i] - surface_shear[lead] * (wall_normal[w] * wall_depth[w])
+        mirror_velocity[w] = mirror
 
     return wall_values

@@ -66,6 +66,8 @@ def make_continuity(spec: Spec) -> Any:
     jumps = spec.tension == "pressure_jump"
     spray = spec.free_surface and not spec.multiphase
     sided = spec.multiphase and not spec.paper_star
+    linear = spec.bodies and spec.corrected  # exact for a linear velocity and pressure on any arrangement
+    smallest_moment = 0.1  # determinant below which a neighbourhood is too thin to correct
     sparse = 0.4 * spec.dimension  # of `crowd`: fewer neighbours than a particle on a free surface has
 
     @wp.kernel(module="unique", enable_backward=False, module_options=SWEEP_OPTIONS)
@@ -89,6 +91,8 @@ def make_continuity(spec: Spec) -> Any:
         state_old: wp.array(dtype=pair),
         rest_volume: wp.array(dtype=real),
         boundary_volume: wp.array(dtype=real),
+        mirror_velocity: wp.array(dtype=vec),
+        pressure_gradient: wp.array(dtype=vec),
         curvature: wp.array(dtype=real),
         interface_weight: wp.array(dtype=real),
         density_excess: wp.array(dtype=real),
@@ -126,6 +130,13 @@ def make_continuity(spec: Spec) -> Any:
         stiffness = real(0.0)  # its derivative by the own pressure, over c_i
         plain_stiffness = real(0.0)  # what it would be among particles of the own phase
         own_stiffness = real(0.0)  # the same of the pairs of the own phase
+        flow = mat()  # sum of (v_j - v_i) (x) F V x_ij
+        moment = mat()
+        slope_i = vec()  # of the pressure, whose part of the differences makes no flow
+        if wp.static(linear):
+            slope_i = pressure_gradient[i]
+        elif wp.static(spec.gravity):
+            slope_i = own.density * params.gravity
         crowd = real(0.0)  # -sum F V r^2: the dimension inside a fluid, about half of it on a free surface
         k = list_begin(i, list_width)
         step = list_step(particle_count)
@@ -191,24 +202,51 @@ def make_continuity(spec: Spec) -> Any:
             term = wp.dot(vi - velocity[j], d)
             if wp.static(spec.dissipation):
                 dp = p_i - state_j[0]
-                if wp.static(spec.gravity):
+                if wp.static(linear):
+                    dp -= real(0.5) * wp.dot(slope_i + pressure_gradient[j], d)
+                elif wp.static(spec.gravity):
                     dp -= own.density * wp.dot(params.gravity, d)
                 term += dp * r * inv_z
             rate += f * term
+            if wp.static(linear):
+                fd = f * d
+                flow += wp.outer(velocity[j] - vi, fd)
+                moment -= wp.outer(d, fd)
             if wp.static(spray):
                 crowd -= f * r * r
         if wp.static(spec.walls):
-            # one-sided Riemann problem: the mirrored state makes u* the wall velocity, no pressure difference left
             end += int(wall_neighbours[i]) * step
+        if wp.static(spec.walls and not spec.bodies):
+            # one-sided Riemann problem: the mirrored state makes u* the wall velocity, no pressure difference left
             while k < end:
                 j = neighbour(neighbours, i, k)
                 k += step
                 d = separation(xi, position[j], wrapped, params)
                 r = wp.sqrt(wp.dot(d, d))
-                wall_volume = params.wall_volume
-                if wp.static(spec.bodies):
-                    wall_volume = boundary_volume[j - (particle_count - boundary_volume.shape[0])]
-                rate += real(2.0) * slope(r * params.inv_h) * wall_volume * wp.dot(vi - velocity[j], d)
+                rate += real(2.0) * slope(r * params.inv_h) * params.wall_volume * wp.dot(vi - velocity[j], d)
+        if wp.static(spec.bodies):
+            while k < end:
+                j = neighbour(neighbours, i, k)
+                k += step
+                w = j - (particle_count - boundary_volume.shape[0])
+                d = separation(xi, position[j], wrapped, params)
+                r = wp.sqrt(wp.dot(d, d))
+                f = slope(r * params.inv_h) * boundary_volume[w]
+                term = wp.dot(vi - mirror_velocity[w], d)
+                if wp.static(spec.dissipation and not linear):
+                    if not near:
+                        term += (p_i - state[j][0] - wp.dot(slope_i, d)) * r * inv_z
+                rate += f * term
+                if wp.static(linear):
+                    fd = f * d
+                    flow += wp.outer(mirror_velocity[w] - vi, fd)
+                    moment -= wp.outer(d, fd)
+        if wp.static(linear):
+            if wall_neighbours[i] > wp.int16(0) and not near:
+                # what the arrangement before the wall makes of a linear velocity is taken out
+                m = moment * params.g_norm
+                if wp.determinant(m) > real(smallest_moment):
+                    rate += wp.trace(flow) - wp.trace(flow * wp.inverse(m))
 
         if wp.static(sided):
             # A heavy particle among light ones takes their pressure at up to twice the rate of one among its own, which is

@@ -92,6 +92,9 @@ def make_momentum(spec: Spec) -> Any:
         normal: wp.array(dtype=vec),
         mirror_velocity: wp.array(dtype=vec),
         slip: wp.array(dtype=wp.uint8),
+        boundary_volume: wp.array(dtype=real),
+        wall_depth: wp.array(dtype=real),
+        wall_normal: wp.array(dtype=vec),
         density_excess: wp.array(dtype=real),
         wall_impact: wp.array(dtype=real),
         acceleration: wp.array(dtype=vec),
@@ -99,6 +102,7 @@ def make_momentum(spec: Spec) -> Any:
         carried: wp.array(dtype=vec),
         facing: wp.array(dtype=vec),
         velocity_gradient: wp.array(dtype=mat),
+        pressure_gradient: wp.array(dtype=vec),
         maxima: wp.array(dtype=real),
     ):
         i = wp.tid() + first
@@ -133,6 +137,9 @@ def make_momentum(spec: Spec) -> Any:
         face_gap = vec(params.spacing)  # clearance along each axis to the wall cell straight ahead [m]
         face_side = vec()  # whether that cell is above (1) or below (-1)
         face_speed = vec()  # speed of that cell along the axis [m/s]
+        face_foot2 = vec(real(4.0) * params.h * params.h)  # bodies: square of the distance to the foot on that face [m^2]
+        face_normal = mat()  # bodies: in each row the normal there, into the fluid
+        nearest2 = real(4.0) * params.h * params.h  # bodies: the same for the nearest of all
         touch = vec()  # share of what drives the particle along each axis that such a cell takes up
         first_row = real(0.0)  # 1 in the first row before a wall, 0 from the second on
         approach = real(0.0)  # sum of F V x_ij.(v_i - v_w): speed into the wall times |into_wall|
@@ -142,6 +149,8 @@ def make_momentum(spec: Spec) -> Any:
         lone = real(0.0)
         room = state_i[1]  # sum of (1 - r^2/R^2)^2 V, its own place included
         fluid_count = particle_count - slip.shape[0]
+        if wp.static(spec.bodies):
+            fluid_count = particle_count - boundary_volume.shape[0]
         k = list_begin(i, list_width)
         step = list_step(particle_count)
         end = k + int(fluid_neighbours[i]) * step
@@ -247,18 +256,37 @@ def make_momentum(spec: Spec) -> Any:
                 f = slope(wp.sqrt(r2) * params.inv_h) * wall_volume
                 fd = f * d
                 into_wall += fd
-                beyond = wp.max(wp.abs(d) - half_cell, vec())
-                gap2 = wp.min(gap2, wp.dot(beyond, beyond))
-                for axis in range(wp.static(spec.dimension)):
-                    across = beyond
-                    across[axis] = real(0.0)
-                    if wp.dot(across, across) == real(0.0):
-                        # this cell is straight ahead along the axis
-                        clear = wp.abs(d[axis]) - half_cell[axis]
-                        if clear < face_gap[axis]:
+                if wp.static(not spec.bodies):
+                    beyond = wp.max(wp.abs(d) - half_cell, vec())
+                    gap2 = wp.min(gap2, wp.dot(beyond, beyond))
+                    for axis in range(wp.static(spec.dimension)):
+                        across = beyond
+                        across[axis] = real(0.0)
+                        if wp.dot(across, across) == real(0.0):
+                            # this cell is straight ahead along the axis
+                            clear = wp.abs(d[axis]) - half_cell[axis]
+                            if clear < face_gap[axis]:
+                                face_gap[axis] = clear
+                                face_side[axis] = -wp.sign(d[axis])
+                                face_speed[axis] = velocity[j][axis]
+                if wp.static(spec.bodies):
+                    # the surface as the plane at the nearest foot: one for each axis that a normal may lie nearest to
+                    w = j - fluid_count
+                    n_w = wall_normal[w]
+                    clear = wp.dot(d, n_w) - wall_depth[w]
+                    foot2 = r2 - wall_depth[w] * (real(2.0) * clear + wall_depth[w])
+                    if foot2 < nearest2:
+                        nearest2 = foot2
+                        gap2 = wp.clamp(clear, real(0.0), params.spacing)
+                        gap2 = gap2 * gap2
+                    steep = wp.max(wp.abs(n_w))
+                    for axis in range(wp.static(spec.dimension)):
+                        if wp.abs(n_w[axis]) == steep and foot2 < face_foot2[axis]:
+                            face_foot2[axis] = foot2
                             face_gap[axis] = clear
-                            face_side[axis] = -wp.sign(d[axis])
-                            face_speed[axis] = velocity[j][axis]
+                            face_speed[axis] = wp.dot(velocity[j], n_w)
+                            for part in range(wp.static(spec.dimension)):
+                                face_normal[axis, part] = n_w[part]
                 approach += wp.dot(vi - velocity[j], fd)
                 p_wall = state[j][0]
                 if wp.static(spec.multiphase and not spec.bodies):
@@ -282,7 +310,14 @@ def make_momentum(spec: Spec) -> Any:
                 if wp.static(spec.room):
                     inside = wp.max(real(1.0) - r2 * params.inv_window, real(0.0))
                     room += inside * inside * wall_volume
-                if wp.static(spec.wall_no_slip):
+                if wp.static(spec.bodies and spec.shifting):
+                    wall_flow += wp.outer(mirror_velocity[j - fluid_count] - vi, fd)
+                if wp.static(spec.bodies and viscous):
+                    # without friction the velocity mirrored is one that makes no shear stress at the surface
+                    viscous_sum += (own.viscosity * f) * viscous_term(
+                        vi - mirror_velocity[j - fluid_count], d, r2 + params.tiny, params.inv_h
+                    )
+                if wp.static(spec.wall_no_slip and not spec.bodies):
                     if slip[j - fluid_count] == wp.uint8(0):
                         mirror = mirror_velocity[j - fluid_count]
                         if wp.static(spec.shifting):
@@ -310,7 +345,7 @@ def make_momentum(spec: Spec) -> Any:
         gradient = own_sum * g_norm  # of the pressure, from the own phase [Pa/m]
         inner_shear = flow * g_norm  # velocity gradient of the fluid alone [1/s]
         shear = inner_shear  # with what no-slip walls make of it, shear[a, b] = d v_a / d x_b [1/s]
-        if wp.static(spec.wall_no_slip and spec.shifting):
+        if wp.static((spec.wall_no_slip or spec.bodies) and spec.shifting):
             shear = (flow + wall_flow) * g_norm
         if wp.static(spec.corrected):
             total = (pressure_sum + own_sum) * g_norm
@@ -323,7 +358,7 @@ def make_momentum(spec: Spec) -> Any:
                 gradient = inverse * gradient
                 if wp.static(spec.shifting):
                     shear = shear * inverse
-                    if wp.static(spec.wall_no_slip):
+                    if wp.static(spec.wall_no_slip or spec.bodies):
                         inner_shear = inner_shear * inverse
                     if wp.static(spec.viscosity == "morris" or spec.viscosity == "radial"):
                         # Both forms are exact for a quadratic field on an even arrangement: take out what an uneven one
@@ -363,7 +398,15 @@ def make_momentum(spec: Spec) -> Any:
                 touch[axis] = wp.clamp(
                     (real(TOUCH) - face_gap[axis] / params.spacing) / real(wp.static(TOUCH - STOP)), real(0.0), real(1.0)
                 )
-                if touch[axis] > real(0.0):
+                if wp.static(spec.bodies):
+                    n_w = face_normal[axis]
+                    drive = wp.max(-wp.dot(a, n_w), real(0.0))
+                    speed = wp.max(face_speed[axis] - wp.dot(vi, n_w), real(0.0))
+                    damping = real(2.0) * own.sound_speed * wp.length(into_wall) * g_norm
+                    drive = touch[axis] * (drive + speed * damping / (real(1.0) + damping * real(clock[STEP])))
+                    a += drive * n_w
+                    wall_push += rho_i * drive / wp.max(wp.length(into_wall) * g_norm, real(1.0e-6) / params.h)
+                elif touch[axis] > real(0.0):
                     side = face_side[axis]
                     drive = wp.max(a[axis] * side, real(0.0))
                     speed = wp.max((vi[axis] - face_speed[axis]) * side, real(0.0))
@@ -373,6 +416,8 @@ def make_momentum(spec: Spec) -> Any:
                     wall_push += rho_i * touch[axis] * drive / (wp.length(into_wall) * g_norm)
             wall_impact[i] = wall_push
         acceleration[i] = a
+        if wp.static(spec.bodies and spec.corrected):
+            pressure_gradient[i] = gradient
 
         if wp.static(spec.shifting):
             # The flow disorders particles at the rate of its velocity gradient, so the shift works at that rate: a resting
@@ -387,13 +432,15 @@ def make_momentum(spec: Spec) -> Any:
             if wp.static(spec.walls):
                 dx += wall_reaction(dx, into_wall, lone * first_row)
                 for axis in range(wp.static(spec.dimension)):
-                    if dx[axis] * face_side[axis] > real(0.0):
+                    if wp.static(spec.bodies):
+                        dx -= (touch[axis] * wp.min(wp.dot(dx, face_normal[axis]), real(0.0))) * face_normal[axis]
+                    elif dx[axis] * face_side[axis] > real(0.0):
                         dx[axis] -= touch[axis] * dx[axis]
             shift[i] = dx
             # What the particle carries is that of its new place: dv = grad v dx, ds = dx.grad p / (rho0 c^2). The mirrored
             # velocities take no part: the shift keeps a particle off a wall that the flow holds it against, step by step,
             # and would pump up its velocity each time, up to 14-fold with what is mirrored far behind the wall.
-            if wp.static(spec.wall_no_slip):
+            if wp.static(spec.wall_no_slip or spec.bodies):
                 carried[i] = inner_shear * dx
             else:
                 carried[i] = shear * dx

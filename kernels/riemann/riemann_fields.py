@@ -1,6 +1,6 @@
 """The particle fields of the Riemann scheme, beside those that every scheme of fluid flow has."""
 
-from warpsph.kernels.core.fields import COMMON, FLOW, Field, always, walls
+from warpsph.kernels.core.fields import COMMON, FLOW, Field, always, bodies, walls
 from warpsph.kernels.core.spec import Spec
 
 
@@ -20,6 +20,10 @@ def _contact(spec: Spec) -> bool:
     return spec.contact_angle
 
 
+def _bodies_corrected(spec: Spec) -> bool:
+    return bodies(spec) and spec.corrected
+
+
 def _sided(spec: Spec) -> bool:
     return spec.multiphase and not spec.paper_star
 
@@ -30,6 +34,7 @@ RIEMANN_FIELDS: tuple[Field, ...] = (
     Field("midway", "vec", "fluid", False, always, "m", "position in the middle of the step, for the continuity sweep"),
     Field("state_old", "pair", "fluid", False, always, "Pa, m^d", "state before the continuity sweep"),
     Field("wall_impact", "real", "fluid", True, walls, "Pa", "what a wall adds to the pressure of an impact"),
+    Field("pressure_gradient", "vec", "fluid", True, _bodies_corrected, "Pa/m", "of the own phase"),
     Field("velocity_gradient", "mat", "fluid", False, _sided, "1/s", "grad v of the own phase, next to an interface"),
     Field("facing", "vec", "fluid", False, _sided, "-", "unit vector to the other phases, next to an interface"),
     Field("fraction", "real", "fluid", False, _interface, "-", "share of the own phase around a particle"),

@@ -6,14 +6,14 @@ from typing import Annotated
 
 from pydantic import Field
 
-from warpsph.case.shapes import Shape
+from warpsph.case.shapes import BodyShape
 from warpsph.case.values import CaseModel, WallKind
 
 
 class Body(CaseModel):
     """A solid whose surface is where its shape says, whatever the lattice of the particles."""
 
-    shape: Shape = Field(description="the region", examples=["{sphere: {center: [0, 0], radius: 1}}"])
+    shape: BodyShape = Field(description="the region", examples=["{sphere: {center: [0, 0], radius: 1}}"])
     hollow: Annotated[bool, Field(strict=True)] = Field(
         default=False, description="the fluid is inside the shape, and the body all around it", examples=["false"]
     )

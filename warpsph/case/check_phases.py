@@ -16,7 +16,7 @@ from warpsph.case.checking import (
 )
 from warpsph.case.domain import AXES
 from warpsph.case.drafts import Problems, guarded
-from warpsph.case.shapes import SHAPES
+from warpsph.case.shapes import BODY_SHAPES, SHAPES
 from warpsph.case.values import NAME
 from warpsph.errors import MISSING, Problem
 
@@ -98,13 +98,31 @@ def check_obstacles(case: Any, _folder: Path | None, _raw: Any) -> Problems:
     yield from each(_check_shape, shapes, case)
 
 
-def check_bodies(case: Any, _folder: Path | None, _raw: Any) -> Problems:
+def check_bodies(case: Any, folder: Path | None, _raw: Any) -> Problems:
     def check(name: str, body: Any) -> Problems:
+        path = f"bodies.{name}.shape"
         if body.shape.kind == "rest":
-            yield Problem(f"bodies.{name}.shape", "rest", "is for fluids only", f"use one of {', '.join(SHAPES)}")
+            yield Problem(path, "rest", "is for fluids only", f"use one of {', '.join(BODY_SHAPES)}")
+        if body.shape.airfoil is not None:
+            path = f"{path}.airfoil"
+            if case.dimension != 2:
+                yield Problem(path, MISSING, "an airfoil needs dimension: 2", "use stl")
+            yield from check_length(2, f"{path}.position", body.shape.airfoil.position)
+            yield from _check_there(folder, path, body.shape.airfoil.file)
+        if body.shape.stl is not None:
+            path = f"{path}.stl"
+            if case.dimension != 3:
+                yield Problem(path, MISSING, "a mesh needs dimension: 3", "use polygon, where or airfoil")
+            yield from check_length(3, f"{path}.translate", body.shape.stl.translate)
+            yield from _check_there(folder, path, body.shape.stl.file)
 
     yield from each(check, list(case.bodies.items()))
     yield from each(_check_shape, [(f"bodies.{name}.shape", body) for name, body in case.bodies.items()], case)
+
+
+def _check_there(folder: Path | None, path: str, file: str | None) -> Problems:
+    if folder is not None and file is not None and not (folder / file).is_file():
+        yield Problem(f"{path}.file", file, "names no file", f"paths are relative to {folder}")
 
 
 def _check_shape(case: Any, path: str, owner: Any) -> Problems:

@@ -10,9 +10,11 @@ from warpsph.errors import CaseError, Problem, short
 
 
 def reference_holders(data: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """The mappings of a plain case that name a reference file under the key `file`."""
+    """The mappings of a plain case that name a file under the key `file`: of references, and of shapes of bodies."""
     parts = ("curve", "curves", "interface")
-    return [entry[part] for entry in data.get("reference", {}).values() for part in parts if part in entry]
+    found = [entry[part] for entry in data.get("reference", {}).values() for part in parts if part in entry]
+    shapes = [part for body in data.get("bodies", {}).values() for part in body["shape"].values()]
+    return found + [shape for shape in shapes if shape.get("file")]
 
 
 def rename_files(data: Mapping[str, Any], names: Mapping[str, str]) -> None:

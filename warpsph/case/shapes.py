@@ -11,6 +11,8 @@ from pydantic import (
     Field,
     GetJsonSchemaHandler,
     ModelWrapValidatorHandler,
+    StrictStr,
+    StringConstraints,
     model_serializer,
     model_validator,
 )
@@ -20,6 +22,7 @@ from warpsph.case.expressions import Expression
 from warpsph.case.values import (
     CaseModel,
     FormulaRule,
+    Number,
     PositiveNumber,
     Vector,
     as_list,
@@ -61,13 +64,51 @@ class Where(CaseModel):
     )
 
 
+class Airfoil(CaseModel):
+    """An airfoil (2-D): a NACA 4-digit section, or one from a file of coordinates."""
+
+    naca: Annotated[str, StringConstraints(strict=True, pattern=r"^[0-9]{4}$")] | None = Field(
+        default=None, description="four digits, in quotes: camber, its place, thickness", examples=['"0012"']
+    )
+    file: StrictStr | None = Field(
+        default=None,
+        description="file of coordinates in chords, order of Selig or Lednicer, relative to the case file",
+        examples=["sections/e387.dat"],
+    )
+    closed: Annotated[bool, Field(strict=True)] = Field(
+        default=True, description="sharp tail of a NACA section; false: blunt, as it was defined", examples=["true"]
+    )
+    chord: PositiveNumber = Field(description="chord, m", examples=["1.0"])
+    angle: Number = Field(default=0.0, description="angle of attack, degrees, positive nose up", examples=["8"])
+    pivot: Number = Field(default=0.25, description="point about which it is turned, in chords", examples=["0.25"])
+    position: Vector = Field(description="place of the pivot, m", examples=["[0, 0]"])
+
+    @model_validator(mode="after")
+    def _one_source(self) -> Self:
+        if (self.naca is None) == (self.file is None):
+            raise bad_value("needs exactly one of naca and file", 'write e.g. naca: "0012"')
+        if self.file is not None and "closed" in self.model_fields_set:
+            raise bad_value("has closed, which is for naca alone", "delete closed: a file gives its own tail")
+        return self
+
+
+class Stl(CaseModel):
+    """The closed mesh in an STL file (3-D)."""
+
+    file: StrictStr = Field(description="STL file, ASCII or binary, relative to the case file", examples=["hull.stl"])
+    scale: PositiveNumber = Field(default=1.0, description="factor that turns its lengths into m", examples=["0.001"])
+    translate: Vector = Field(default=(0.0, 0.0, 0.0), description="added after that, m", examples=["[0, 0, 0]"])
+
+
 SHAPES = ("box", "sphere", "polygon", "where")
+BODY_SHAPES = (*SHAPES, "airfoil", "stl")
 
 
 class Shape(CaseModel):
     """A region: exactly one of box, sphere, polygon, where; or the word `rest`, all that remains."""
 
     opaque: ClassVar[bool] = True
+    kinds: ClassVar[tuple[str, ...]] = SHAPES
 
     box: Box | None = Field(
         default=None, description="axis-parallel box", examples=["{lower: [0, 0], upper: [1, 1]}"]
@@ -87,21 +128,21 @@ class Shape(CaseModel):
     def _one_of(cls, value: Any, handler: ModelWrapValidatorHandler[Self]) -> Self:
         if isinstance(value, Shape):
             return handler(value)
-        options = f"needs exactly one of {', '.join(SHAPES)} with its numbers, or the word rest"
+        options = f"needs exactly one of {', '.join(cls.kinds)} with its numbers, or the word rest"
         if isinstance(value, str):
             if value != "rest":
                 remedy = (
-                    f"write {{{value}: {{...}}}}" if value in SHAPES else suggestion(value, [*SHAPES, "rest"])
+                    f"write {{{value}: {{...}}}}" if value in cls.kinds else suggestion(value, [*cls.kinds, "rest"])
                 )
                 raise bad_value(options, remedy)
-            return cls.model_construct(box=None, sphere=None, polygon=None, where=None, _fields_set=set())
+            return cls.model_construct(**dict.fromkeys(cls.kinds), _fields_set=set())
         if not isinstance(value, Mapping):
             raise bad_value(options)
-        known = [key for key in value if key in SHAPES]
+        known = [key for key in value if key in cls.kinds]
         if "rest" in value:
             raise bad_value(options, "write shape: rest")
         if len(known) > 1 or (
-            not known and not any(difflib.get_close_matches(str(k), SHAPES) for k in value)
+            not known and not any(difflib.get_close_matches(str(k), cls.kinds) for k in value)
         ):
             raise bad_value(options)
         for key in known:
@@ -113,8 +154,8 @@ class Shape(CaseModel):
 
     @property
     def kind(self) -> str:
-        """box, sphere, polygon, where or rest."""
-        return next((name for name in SHAPES if getattr(self, name) is not None), "rest")
+        """One of `kinds`, or rest."""
+        return next((name for name in self.kinds if getattr(self, name) is not None), "rest")
 
     @model_serializer
     def _plain(self) -> Any:
@@ -138,3 +179,14 @@ class Shape(CaseModel):
             "maxProperties": 1,
         }
         return {"anyOf": [{"const": "rest"}, region], "description": inner.get("description", "")}
+
+
+class BodyShape(Shape):
+    """The region of a body: exactly one of box, sphere, polygon, where, airfoil, stl."""
+
+    kinds: ClassVar[tuple[str, ...]] = BODY_SHAPES
+
+    airfoil: Airfoil | None = Field(
+        default=None, description="airfoil (2-D)", examples=['{naca: "0012", chord: 1, position: [0, 0]}']
+    )
+    stl: Stl | None = Field(default=None, description="closed mesh (3-D)", examples=["{file: hull.stl}"])

@@ -83,7 +83,7 @@ def count(case: Case, support: float) -> Count:
 
 
 def _shares(case: Case, lattice: Lattice) -> tuple[float, float]:
-    """Return the shares of the domain's cells that are fluid and obstacle, from an even sample of them."""
+    """Return the shares of the domain's cells that are fluid and solid, from an even sample of them."""
     axes: list[Any] = [None] * lattice.dimension
     left = float(SITES)
     for position, k in enumerate(sorted(range(lattice.dimension), key=lattice.count.__getitem__)):
@@ -100,10 +100,11 @@ def _shares(case: Case, lattice: Lattice) -> tuple[float, float]:
                 mask[:] = True
             else:
                 with suppress(ExpressionError, ValueError):  # told with its place when the geometry is built
-                    mask |= inside(owner.shape, axes, case.spacing)
+                    own = inside(owner.shape, axes, case.spacing)
+                    mask |= ~own if getattr(owner, "hollow", False) else own
         return mask
 
-    solid = covered(case.obstacles)
+    solid = covered([*case.obstacles, *case.bodies.values()])
     return float((covered(case.fluids) & ~solid).mean()), float(solid.mean())
 
 

@@ -57,7 +57,9 @@ class Regions:
     entry: which entry holds the middle of each cell, VOID where none does; shape `lattice.count`
     solid: cells of obstacles, same shape, or None
     phase_of_entry: (E + 1,) phase of each entry; the last one, VOID, is what VOID finds
-    entry_at: the entry that holds each of the points (n, d), VOID for none
+    entry_at: the entry that holds each of the points (n, d), VOID for none and in bodies
+    covered: cells whose middle is in a body, of the same shape as `entry`, or None; `entry` is VOID there
+    boundary: (m, d), boundary particles of the bodies, m
     """
 
     lattice: Lattice
@@ -66,6 +68,8 @@ class Regions:
     solid: NDArray[np.bool_] | None
     phase_of_entry: NDArray[np.int32]
     entry_at: Callable[[NDArray[np.float64]], NDArray[np.int32]]
+    covered: NDArray[np.bool_] | None = None
+    boundary: NDArray[np.float64] | None = None
 
     @property
     def unit(self) -> float:

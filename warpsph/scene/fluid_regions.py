@@ -14,10 +14,13 @@ from warpsph.scene.lattice import Lattice, cell_text, first_cell
 from warpsph.scene.masks import contains, inside, on_sites
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import NDArray
 
     from warpsph.case.case import Case
     from warpsph.case.shapes import Shape
+    from warpsph.scene.surfaces import Surface
 
 
 LIGHT = 0.2
@@ -147,10 +150,11 @@ def off_lattice(case: Case, lattice: Lattice) -> list[str]:
 
 
 class EntryAt:
-    """The rule that says which entry of `fluids` holds each of the points (n, d), VOID for none."""
+    """The rule that says which entry of `fluids` holds each of the points (n, d), VOID for none and in bodies."""
 
-    def __init__(self, case: Case) -> None:
+    def __init__(self, case: Case, bodies: Sequence[Surface] = ()) -> None:
         self.case = case
+        self.bodies = bodies
 
     def __call__(self, points: NDArray[np.float64]) -> NDArray[np.int32]:
         fluids = self.case.fluids
@@ -160,14 +164,24 @@ class EntryAt:
         for k in reversed(range(len(fluids))):
             if fluids[k].shape.kind != "rest":
                 entry[contains(fluids[k].shape, points, self.case.spacing)] = k
+        for body in self.bodies:
+            near = np.all((points >= body.bounds[0]) & (points <= body.bounds[1]), axis=1)
+            if body.hollow:
+                entry[~near] = VOID
+            entry[near] = np.where(body.signed_distance(points[near]) < 0.0, VOID, entry[near])
         return entry
 
 
-def chosen_arrangement(case: Case, regions: Regions) -> tuple[str, str]:
-    """What `start.arrangement` comes to, and why."""
+def chosen_arrangement(case: Case, regions: Regions, off_lattice_bodies: Sequence[str] = ()) -> tuple[str, str]:
+    """What `start.arrangement` comes to, and why.
+
+    off_lattice_bodies: names of bodies whose surface runs through lattice cells.
+    """
     given = case.start.arrangement
     if given != "auto":
         return given, "as given"
+    if off_lattice_bodies:
+        return "fitted", f"the surface of {', '.join(off_lattice_bodies)} runs through rows of particles"
     if len(case.phases) < 2:
         return "lattice", "a single phase"
     pairs = fluid_pairs_off_lattice(regions)

@@ -16,7 +16,6 @@ has the particles of the lattice, but whoever wants it gives `build` a function 
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
@@ -24,7 +23,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from warpsph.errors import CaseError, Problem
+from warpsph.scene.body_surfaces import SAME
 from warpsph.scene.borders import Regions
+from warpsph.scene.cut_cells import free_volumes
 from warpsph.scene.fluid_regions import EntryAt, chosen_arrangement, fluid_regions, loose_gas, off_lattice
 from warpsph.scene.lattice import Lattice, make_lattice
 from warpsph.scene.start_fluid import fluid_particles, start_pressure, start_velocity
@@ -57,6 +58,7 @@ class Geometry:
     body: (n,) int32, 0 for fluid, k for the k-th wall body
     body_names: name of the k-th wall body at position k - 1: `x_lower`, `y_upper`, ..., then the obstacles, then the bodies
     blocked: number of cells of the domain that hold no fluid, because of obstacles and bodies
+    at_open_side: whether a cell that no obstacle or body takes lies at an open side of the domain
     surface: where the surface of the walls is, seen from each wall particle; None without bodies
     lattice: the cells that the particles come from; its `lower` and `upper` are where the walls stand
     arrangement: lattice or fitted: what `start.arrangement` came to
@@ -75,6 +77,7 @@ class Geometry:
     body: NDArray[np.int32]
     body_names: tuple[str, ...]
     blocked: int
+    at_open_side: bool
     surface: Surroundings | None
     lattice: Lattice
     arrangement: str = "lattice"
@@ -95,6 +98,13 @@ class Geometry:
     def wall_count(self) -> int:
         """Number of wall particles."""
         return self.count - self.fluid_count
+
+
+def either(one: NDArray[np.bool_] | None, other: NDArray[np.bool_] | None) -> NDArray[np.bool_] | None:
+    """Cells of one or the other; None stands for no cells."""
+    if one is None or other is None:
+        return one if other is None else other
+    return one | other
 
 
 Arrange = Callable[[Regions, int], tuple["NDArray[np.float64]", "NDArray[np.float64]"]]
@@ -122,19 +132,28 @@ def build(case: Case, support: float, unlock: float = 0.0, arrange: Arrange | No
         walls.add_sides()
     walls.add_obstacles(problems)
     walls.add_bodies(support, problems)
-    solid = walls.solid_in_domain()
-    region = fluid_regions(case, lattice, solid, problems)
+    obstacles, covered = walls.solid_in_domain(), walls.covered(0.0)[lattice.domain] if case.bodies else None
+    region = fluid_regions(case, lattice, either(obstacles, covered), problems)
     if problems:
         raise CaseError(problems)
 
     phase_index = {name: k for k, name in enumerate(case.phase_names)}
     # The entry appended at the end is what region -1, an empty cell, finds.
     phase_of_region = np.array([*(phase_index[fluid.phase] for fluid in case.fluids), -1], dtype=np.int32)
-    problems += loose_gas(case, lattice, phase_of_region[region], solid, support)
-    regions = Regions(lattice, case.periodic, region, solid, phase_of_region, EntryAt(case))
-    arrangement, reason = chosen_arrangement(case, regions)
+    problems += loose_gas(case, lattice, phase_of_region[region], either(obstacles, covered), support)
+    surfaces = [solid.surface for solid in walls.solids]
+    boundary = np.concatenate([solid.sampling.position for solid in walls.solids]) if walls.solids else None
+    regions = Regions(
+        lattice, case.periodic, region, obstacles, phase_of_region, EntryAt(case, surfaces), covered, boundary
+    )  # fmt: skip
+    cut = [name for name, solid in zip(case.bodies, walls.solids, strict=True) if not solid.on_lattice(case.spacing)]
+    arrangement, reason = chosen_arrangement(case, regions, cut)
     if arrangement == "lattice":
         warnings += off_lattice(case, lattice)
+        if cut:
+            covered = walls.covered(0.5 * case.spacing * (1.0 - SAME))[lattice.domain]
+            region = np.where(covered, np.int32(-1), region)
+    solid = either(obstacles, covered)
     packed = arrange(regions, case.start.seed) if arrange is not None and arrangement == "fitted" else None
     fluid = fluid_particles(case, lattice, region, max(case.start.noise, unlock), None if packed is None else packed[0])
     velocity = start_velocity(case, fluid, problems)
@@ -160,14 +179,12 @@ def build(case: Case, support: float, unlock: float = 0.0, arrange: Arrange | No
     volume = np.full(total, lattice.cell_volume)
     if packed is not None:
         volume[:fluids] *= packed[1]
+    elif cut and covered is not None:
+        distances = [solid.surface.signed_distance for solid in walls.solids]
+        volume[:fluids] = free_volumes(lattice, case.periodic, region >= 0, covered, distances)
     surface = walls.surface() if case.bodies else None
     if surface is not None:
         volume[fluids:] = surface.volume
-        if solid is not None and not (region < 0)[~solid].any():
-            # the particles share the room that the bodies leave, not that of the cells
-            whole = math.prod(lattice.count) * lattice.cell_volume
-            free = whole - sum(s.measure if s.measure > 0.0 else whole + s.measure for s in walls.samplings)
-            volume[:fluids] *= free / volume[:fluids].sum()
     return Geometry(
         position=rows(fluid.position, walls.position, np.float64, vector),
         velocity=rows(velocity, walls.velocity, np.float64, vector),
@@ -180,9 +197,20 @@ def build(case: Case, support: float, unlock: float = 0.0, arrange: Arrange | No
         body=rows(None, walls.body, np.int32),
         body_names=tuple(walls.names),
         blocked=0 if solid is None else int(np.count_nonzero(solid)),
+        at_open_side=_at_open_side(case, np.ones(lattice.count, np.bool_) if solid is None else ~solid),
         surface=surface,
         lattice=lattice,
         arrangement=arrangement,
         arrangement_reason=reason,
         warnings=warnings,
     )
+
+
+def _at_open_side(case: Case, free: NDArray[np.bool_]) -> bool:
+    """Whether a free cell of the domain lies at an open side; a hollow body may close a domain whose sides are open."""
+    for axis, sides in enumerate(case.sides):
+        cells = np.moveaxis(free, axis, 0)
+        for side, rim in ((sides.lower, cells[0]), (sides.upper, cells[-1])):
+            if side.kind == "open" and rim.any():
+                return True
+    return False

@@ -200,22 +200,25 @@ def _sites(regions: Regions) -> tuple[NDArray[np.float64], NDArray[np.int32], ND
     """Where particles begin, in cells from the lower corner of the domain.
 
     Returns those that move (n, d), fluid first, the phase of each (n,), VOID for those that fill empty space beside the
-    fluid, and those that stay (m, d): beyond the sides, in obstacles, and in empty space farther away.
+    fluid, and those that stay (m, d): beyond the sides, in obstacles and bodies, and in empty space farther away.
     """
     reach = math.ceil(RATIO * KERNELS[Spec(dimension=2).kernel].support * regions.unit / min(regions.lattice.spacing))
     fluid = regions.entry != VOID
-    solid = np.zeros(fluid.shape, dtype=np.bool_) if regions.solid is None else regions.solid
+    solid, covered = (np.zeros(fluid.shape, dtype=np.bool_) if m is None else m for m in (regions.solid, regions.covered))
     moves = fluid.copy()
-    if not (fluid | solid).all():
-        moves = spread(fluid, regions.periodic, np.logical_or, reach) & ~solid
+    if not (fluid | solid | covered).all():
+        moves = spread(fluid, regions.periodic, np.logical_or, reach) & ~solid & ~covered
     pad = [(0, 0) if wraps else (reach, reach) for wraps in regions.periodic]
     around = np.pad(moves, pad)
-    stays = spread(around, regions.periodic, np.logical_or, reach) & ~around
+    stays = spread(around, regions.periodic, np.logical_or, reach) & ~around & ~np.pad(covered, pad)
     before = np.array([low for low, _ in pad])
     cells = [np.argwhere(fluid), np.argwhere(moves & ~fluid)]
     phase = np.full(sum(map(len, cells)), VOID, dtype=np.int32)
     phase[: len(cells[0])] = regions.phase_of_entry[regions.entry[fluid]]
     mobile, fixed = (found.astype(np.float64) + 0.5 for found in (np.concatenate(cells), np.argwhere(stays) - before))
+    if regions.boundary is not None:
+        boundary = (regions.boundary - np.array(regions.lattice.lower)) / np.array(regions.lattice.spacing)
+        fixed = np.concatenate([fixed, boundary])
     return mobile, phase, fixed
 
 

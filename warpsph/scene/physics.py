@@ -113,7 +113,7 @@ def derive(case: Case, geometry: Geometry, row_list: bool = True) -> Physics:
 
 def has_room(case: Case, geometry: Geometry) -> bool:
     """Return whether the fluid leaves room in the domain, so that it has a free surface."""
-    return case.has_open_sides or geometry.fluid_count + geometry.blocked < math.prod(geometry.lattice.count)
+    return geometry.at_open_side or geometry.fluid_count + geometry.blocked < math.prod(geometry.lattice.count)
 
 
 def check_periods(case: Case, geometry: Geometry, list_radius: float) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -10,18 +9,15 @@ import numpy as np
 
 from warpsph.case.domain import AXES
 from warpsph.errors import ExpressionError, Problem
-from warpsph.scene.body_sampling import Sampling, circle
+from warpsph.scene.body_surfaces import Solid, make_solids
 from warpsph.scene.fluid_regions import expression_problem
-from warpsph.scene.lattice import Lattice, open_grid, points_of
+from warpsph.scene.lattice import Lattice, points_of
 from warpsph.scene.masks import inside
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from warpsph.case.case import Case
-
-_SAME = 1e-6
-"""Share of a spacing up to which two distances are the same."""
 
 
 @dataclass(frozen=True)
@@ -64,11 +60,11 @@ def surroundings_of_sides(position: NDArray[np.float64], lattice: Lattice) -> Su
 class WallCells:
     """The wall particles of a case: first the sides of the domain, then the obstacles, then the bodies.
 
-    solid: which cells of the lattice hold no fluid
+    solid: which cells of the lattice sides and obstacles take
     position, velocity: (n, d), m and m/s
     slip: (n,) uint8, 1 on free-slip walls
     body: (n,) int32, number of the wall body, from 1
-    samplings: of each body, in their order
+    solids: the bodies, in their order
     """
 
     def __init__(self, case: Case, lattice: Lattice) -> None:
@@ -81,15 +77,15 @@ class WallCells:
         self.velocity = np.empty((0, d))
         self.slip = np.empty(0, dtype=np.uint8)
         self.body = np.empty(0, dtype=np.int32)
-        self.samplings: list[Sampling] = []
+        self.solids: list[Solid] = []
 
     @property
     def count(self) -> int:
         return len(self.body)
 
     def solid_in_domain(self) -> NDArray[np.bool_] | None:
-        """Which cells of the domain are solid; None if none is."""
-        return self.solid[self.lattice.domain] if self.case.obstacles or self.case.bodies else None
+        """Which cells of the domain obstacles take; None if there are none."""
+        return self.solid[self.lattice.domain] if self.case.obstacles else None
 
     def add_sides(self) -> None:
         """Fill the layers beyond those sides of the domain that are walls.
@@ -174,35 +170,33 @@ class WallCells:
             self._append(cells, velocity, free, np.full(n, len(self.names)))
 
     def add_bodies(self, support: float, problems: list[Problem]) -> None:
-        """Add the boundary particles of the bodies; a cell nearer to one than half a spacing holds no fluid.
+        """Add the boundary particles of the bodies; which cells they take is for `block` to say.
 
         support: reach of the smoothing kernel, m; the layers are as deep.
         """
-        lattice, spacing = self.lattice, self.case.spacing
-        for name, body in self.case.bodies.items():
+        self.solids = make_solids(self.case, self.lattice, support, problems)
+        for solid, (name, body) in zip(self.solids, self.case.bodies.items(), strict=False):
             self.names.append(name)
-            if body.shape.sphere is None or lattice.dimension != 2:
-                problems.append(Problem(f"bodies.{name}.shape", body.shape.kind, "is not known yet", "write sphere in 2-D"))
-                continue
-            grid = open_grid(lattice.axes())
-            center, radius = body.shape.sphere.center, body.shape.sphere.radius
-            distance = np.sqrt(sum((x - c) ** 2 for x, c in zip(grid, center, strict=True))) - radius
-            self.solid |= (-distance if body.hollow else distance) < 0.5 * spacing * (1.0 - _SAME)
-            sampling = circle(body.shape.sphere, body.hollow, spacing, math.ceil(support / spacing - 1e-9))
-            self.samplings.append(sampling)
-            n = len(sampling.depth)
+            n = solid.sampling.count
             free = np.full(n, body.wall == "free_slip")
-            still = np.zeros((n, lattice.dimension))
-            self._append_at(sampling.position, still, free, np.full(n, len(self.names)))
+            still = np.zeros((n, self.lattice.dimension))
+            self._append_at(solid.sampling.position, still, free, np.full(n, len(self.names)))
+
+    def covered(self, nearer: float) -> NDArray[np.bool_]:
+        """Cells of the lattice whose middle is in a body or nearer to one than `nearer`, m."""
+        found = np.zeros(self.lattice.shape, dtype=np.bool_)
+        for solid in self.solids:
+            found |= solid.distance < nearer
+        return found
 
     def surface(self) -> Surroundings:
         """Where the surface is, seen from each wall particle; see `Surroundings`."""
         lattice = self.lattice
-        known = sum(len(sampling.depth) for sampling in self.samplings)
+        known = sum(solid.sampling.count for solid in self.solids)
         sides = surroundings_of_sides(self.position[: self.count - known], lattice)
         parts, first = [sides], len(sides.depth)
-        for sampling in self.samplings:
-            s = sampling
+        for solid in self.solids:
+            s = solid.sampling
             parts.append(Surroundings(s.normal, s.depth, s.area, s.volume, s.leader + first))
             first += len(s.depth)
         columns = zip(*((p.normal, p.depth, p.area, p.volume, p.leader) for p in parts), strict=True)

@@ -1,0 +1,183 @@
+"""Boundary particles of bodies: the lattice of a box, exact volumes, even spacing, what the surface is to each particle."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial import cKDTree
+
+from warpsph.scene.airfoils import airfoil, naca_4
+from warpsph.scene.body_sampling import sample
+from warpsph.scene.surfaces import Ball, Hollow, Outline, box_surface
+
+DX = 0.05
+
+
+def nearest(points):
+    """Distance of each point from the nearest other."""
+    return cKDTree(points).query(points, k=2)[0][:, 1]
+
+
+def largest_hole(surface, sampling, spacing, layers):
+    """Farthest that a place in the layers, no nearer to their border than half a spacing, is from a particle."""
+    reach = layers * spacing if surface.hollow else 0.0
+    low, high = surface.bounds[0] - reach, surface.bounds[1] + reach
+    axes = [np.arange(a, b, spacing / (8 if surface.dimension == 2 else 3)) for a, b in zip(low, high, strict=True)]
+    points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, surface.dimension)
+    distance = surface.signed_distance(points)
+    points = points[(distance < -0.5 * spacing) & (distance > -(layers - 0.5) * spacing)]
+    return cKDTree(sampling.position).query(points)[0].max()
+
+
+def bodies():
+    corners = [(0, 0), (1.0, 0.37), (0.81, 0.88), (0.3, 0.5), (-0.2, 0.6)]
+    return {
+        "circle": Ball((0.02, 0.0), 0.5),
+        "hollow circle": Hollow(Ball((0.02, 0.0), 0.5)),
+        "polygon": Outline.of_corners(corners),
+        "hollow polygon": Hollow(Outline.of_corners(corners)),
+        "thick airfoil": airfoil(naca_4("0030"), 2.0, 8.0),
+    }
+
+
+@pytest.mark.parametrize("lower", [(0.0, 0.0), (0.1, -0.25)])
+def test_a_box_on_the_lattice_is_the_lattice(lower):
+    upper = (lower[0] + 0.8, lower[1] + 0.6)
+    found = sample(box_surface(lower, upper), DX, 3)
+    x, y = (a + DX * (np.arange(round((b - a) / DX)) + 0.5) for a, b in zip(lower, upper, strict=True))
+    cells = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
+    deep = np.minimum(cells - lower, np.array(upper) - cells).min(axis=1)
+    cells = cells[deep < 3 * DX]
+    assert found.count == len(cells)
+    distance, place = cKDTree(cells).query(found.position)
+    assert distance.max() < 1e-13 and len(set(place)) == len(cells)
+    assert found.volume == pytest.approx(DX**2, rel=1e-12)
+    at_corner = (found.layer == 0) & (np.minimum(found.position - lower, upper - found.position) < 0.6 * DX).all(axis=1)
+    assert at_corner.sum() == 4
+    assert found.area[at_corner] == pytest.approx(2 * DX)
+    assert found.area[(found.layer == 0) & ~at_corner] == pytest.approx(DX)
+
+
+@pytest.mark.parametrize("hollow", [False, True])
+def test_a_box_in_three_dimensions_is_the_lattice(hollow):
+    dx, layers = 0.1, 2
+    box = box_surface((0, 0, 0), (0.8, 0.6, 0.5))
+    found = sample(Hollow(box) if hollow else box, dx, layers)
+    n = np.array([8, 6, 5])
+    cells = (n + 2 * layers).prod() - n.prod() if hollow else n.prod() - (n - 2 * layers).prod()
+    assert found.count == cells
+    assert np.abs(found.position / dx - 0.5 - np.rint(found.position / dx - 0.5)).max() < 1e-12
+    assert found.volume == pytest.approx(dx**3)
+    assert found.area.sum() == pytest.approx(box.extent)
+
+
+def test_a_hollow_box_has_the_cells_around_it_corners_included():
+    found = sample(Hollow(box_surface((0, 0), (0.5, 0.4))), 0.1, 2)
+    assert found.count == 9 * 8 - 5 * 4
+    assert np.abs(found.position / 0.1 - 0.5 - np.rint(found.position / 0.1 - 0.5)).max() < 1e-12
+    assert found.volume == pytest.approx(0.01)
+    assert found.normal[np.abs(found.position[:, 0] - 0.25) < 0.21][:, 0] == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize("name", bodies())
+def test_particles_of_plane_bodies_are_even(name):
+    surface = bodies()[name]
+    found = sample(surface, DX, 4)
+    assert nearest(found.position).min() > 0.6 * DX * (1 - 1e-6)
+    # on a square lattice 0.71 spacings, the half diagonal
+    assert largest_hole(surface, found, DX, 4) < 1.0 * DX
+    assert 0.3 * DX**2 < found.volume.min() and found.volume.max() < 2.0 * DX**2
+
+
+@pytest.mark.parametrize("name", bodies())
+def test_feet_normals_and_leaders(name):
+    surface = bodies()[name]
+    found = sample(surface, DX, 4)
+    assert np.abs(surface.signed_distance(found.foot)) == pytest.approx(0.0, abs=1e-9)
+    assert found.position + found.depth[:, None] * found.normal == pytest.approx(found.foot, abs=1e-9)
+    assert (found.depth > 0).all()
+    first = found.layer == 0
+    assert set(found.leader) <= set(np.flatnonzero(first))
+    assert np.array_equal(found.leader[first], np.flatnonzero(first))
+    apart = np.linalg.norm(found.position[found.leader] - found.foot, axis=1)
+    assert apart.max() < 2.0 * DX
+    assert (found.area[~first] == 0).all()
+    assert found.area.sum() == pytest.approx(surface.extent, rel=1e-12)
+
+
+@pytest.mark.parametrize("n", [3, 7, 24])
+def test_volumes_of_rings_are_exact(n):
+    """Each ring of a circle has its own area, and so have the rings around it."""
+    dx = 0.5 / n
+    ball = Ball((0.0, 0.0), 0.5)
+    found = sample(ball, dx, 3)
+    for m in range(3):
+        ring = math.pi * ((0.5 - m * dx) ** 2 - max(0.5 - (m + 1) * dx, 0.0) ** 2)
+        assert found.volume[found.layer == m].sum() == pytest.approx(ring, rel=1e-12)
+    hollow = sample(Hollow(ball), dx, 3)
+    assert hollow.volume.sum() == pytest.approx(math.pi * ((0.5 + 3 * dx) ** 2 - 0.25), rel=1e-12)
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.lists(st.floats(0.25, 1.0), min_size=4, max_size=9), st.floats(0, 6.3), st.integers(6, 30))
+def test_a_full_body_has_its_volume(radii, turn, cells):
+    """All layers of any polygon that goes once around the origin add up to its area, none nearer than 0.6 spacings."""
+    angle = turn + np.arange(len(radii)) * (2 * math.pi / len(radii))
+    surface = Outline.of_corners(np.stack([np.cos(angle), np.sin(angle)], axis=1) * np.array(radii)[:, None])
+    dx = 1.0 / cells
+    found = sample(surface, dx, 60)
+    assert found.volume.sum() == pytest.approx(surface.measure, rel=1e-9)
+    assert (found.volume > 0).all()
+    if found.count > 1:
+        assert nearest(found.position).min() > 0.6 * dx * (1 - 1e-6)
+    assert surface.signed_distance(found.position).max() < 0
+
+
+def test_shells_of_a_sphere():
+    ball, dx = Ball((0.0, 0.1, 0.0), 0.5), 0.05
+    found = sample(ball, dx, 3)
+    for m in range(3):
+        own = found.layer == m
+        shell = 4 / 3 * math.pi * ((0.5 - m * dx) ** 3 - (0.5 - (m + 1) * dx) ** 3)
+        assert found.volume[own].sum() == pytest.approx(shell, rel=1e-12)
+        assert found.depth[own] == pytest.approx((m + 0.5) * dx)
+        assert nearest(found.position[own]).min() > 0.8 * dx
+    assert nearest(found.position).min() > 0.6 * dx * (1 - 1e-6)
+    assert largest_hole(ball, found, dx, 3) < 1.2 * dx  # 0.87 on a cubic lattice
+    assert found.area.sum() == pytest.approx(ball.extent)
+
+
+@pytest.mark.parametrize("hollow", [False, True])
+def test_shells_of_a_mesh(hollow):
+    import pyvista as pv
+
+    from warpsph.scene.meshes import Mesh
+
+    ball = Mesh(pv.Icosphere(radius=0.5, nsub=4))
+    surface, dx = (Hollow(ball) if hollow else ball), 0.125
+    found = sample(surface, dx, 2)
+    assert nearest(found.position).min() > 0.6 * dx * (1 - 1e-6)
+    assert largest_hole(surface, found, dx, 2) < 1.2 * dx
+    assert np.abs(found.depth - (found.layer + 0.5) * dx).max() < 0.1 * dx
+    outer, inner = (0.75, 0.5) if hollow else (0.5, 0.25)
+    assert found.volume.sum() == pytest.approx(4 / 3 * math.pi * (outer**3 - inner**3), rel=0.02)
+    assert found.area.sum() == pytest.approx(ball.extent, rel=1e-9)
+
+
+def test_a_mesh_that_its_layers_fill_has_its_volume():
+    import pyvista as pv
+
+    from warpsph.scene.meshes import Mesh
+
+    cube = Mesh(pv.Cube(x_length=0.6, y_length=0.5, z_length=0.4).triangulate())
+    found = sample(cube, 0.1, 9)
+    assert found.volume.sum() == pytest.approx(0.12, rel=1e-6)
+
+
+def test_only_what_is_between_the_corners_is_kept():
+    ball = Ball((0.0, 0.0), 0.5)
+    found = sample(ball, DX, 3, lower=(0.0, -1.0), upper=(1.0, 1.0))
+    assert (found.position[:, 0] > 0).all()
+    assert found.area.sum() == pytest.approx(ball.extent / 2, rel=1e-2)

@@ -1,0 +1,136 @@
+"""The bodies of a case: their surfaces, the cells of the lattice that they take, and their boundary particles."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from warpsph.errors import ExpressionError, Problem
+from warpsph.scene.airfoils import airfoil, naca_4, read_section
+from warpsph.scene.body_sampling import Sampling, sample
+from warpsph.scene.fluid_regions import expression_problem
+from warpsph.scene.lattice import Lattice
+from warpsph.scene.surfaces import Ball, Hollow, Outline, ShapeError, Surface, box_surface
+from warpsph.scene.traced import trace_expression
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from warpsph.case.bodies import Body
+    from warpsph.case.case import Case
+
+__all__ = ["Solid", "make_solids", "surface_of"]
+
+SAME = 1e-6
+"""Share of a spacing up to which two distances are the same."""
+
+OFF_LATTICE = 0.02
+"""A surface nearer than this to faces of lattice cells, in spacings, counts as represented by them; as for interfaces."""
+
+
+@dataclass(eq=False)
+class Solid:
+    """A body in a lattice.
+
+    surface: in place sampling: its boundary particles distance: of the middle of each cell of the lattice from the
+    surface, m, negative in the body; exact where it is less than
+        two spacings
+    """
+
+    surface: Surface
+    sampling: Sampling
+    distance: NDArray[np.float64]
+
+    def on_lattice(self, spacing: float) -> bool:
+        """Whether the surface runs between cells of the lattice wherever it is."""
+        return not bool((np.abs(self.distance) < (0.5 - OFF_LATTICE) * spacing).any())
+
+
+def surface_of(case: Case, body: Body, low: NDArray[np.float64], high: NDArray[np.float64]) -> Surface:
+    """The surface of a body at rest.
+
+    low, high: corners of the space in which a condition is looked at, m.
+
+    Raises ShapeError if the shape has none, ExpressionError if a condition cannot be evaluated.
+    """
+    shape = body.shape
+    found: Surface
+    if shape.sphere is not None:
+        found = Ball(shape.sphere.center, shape.sphere.radius)
+    elif shape.box is not None:
+        found = box_surface(shape.box.lower, shape.box.upper)
+    elif shape.polygon is not None:
+        found = Outline.of_corners(shape.polygon.points)
+    elif shape.airfoil is not None:
+        wing = shape.airfoil
+        if wing.naca is not None:
+            section = naca_4(wing.naca, wing.closed)
+        else:
+            section = read_section(case.reference_file(str(wing.file)))
+        found = airfoil(section, wing.chord, wing.angle, wing.pivot, wing.position)
+    elif shape.stl is not None:
+        from warpsph.scene.meshes import read_stl
+
+        found = read_stl(case.reference_file(shape.stl.file), shape.stl.scale, shape.stl.translate)
+    elif shape.where is not None:
+        found = trace_expression(shape.where.condition, low.tolist(), high.tolist(), case.spacing)
+    else:
+        raise ShapeError("is for fluids only")
+    return Hollow(found) if body.hollow else found
+
+
+def make_solids(case: Case, lattice: Lattice, support: float, problems: list[Problem]) -> list[Solid]:
+    """The bodies of a case, in their order; where two overlap, the first has the particles.
+
+    support: reach of the smoothing kernel, m; the layers of boundary particles are as deep, and as far a body sticks out of
+        an open side of the domain. It ends with the domain at other sides.
+    """
+    spacing = case.spacing
+    layers = math.ceil(support / spacing - 1e-9)
+    beyond = np.array(
+        [[layers * s * (side.kind == "open") for side in (sides.lower, sides.upper)]
+         for sides, s in zip(case.sides, lattice.spacing, strict=True)]
+    )  # fmt: skip
+    low, high = np.array(lattice.lower) - beyond[:, 0], np.array(lattice.upper) + beyond[:, 1]
+    solids: list[Solid] = []
+    for name, body in case.bodies.items():
+        path = f"bodies.{name}.shape"
+        try:
+            surface = surface_of(case, body, low, high)
+        except ExpressionError as error:
+            problems.append(expression_problem(path, body.shape, error))
+            continue
+        except ShapeError as error:
+            kind = body.shape.kind
+            problems.append(Problem(f"{path}.{kind}", kind, error.rule, error.remedy))
+            continue
+        sampling = sample(surface, spacing, layers, low.tolist(), high.tolist())
+        inside = np.zeros(sampling.count, dtype=np.bool_)
+        for other in solids:
+            inside |= other.surface.signed_distance(sampling.position) < 0.0
+        sampling = sampling.only(~inside)
+        if sampling.count == 0:
+            rule = f"holds no particle of its own: it is outside the domain or inside another body (spacing {spacing:g} m)"
+            problems.append(Problem(path, body.shape.kind, rule, "move or enlarge it, or delete it"))
+            continue
+        solids.append(Solid(surface, sampling, _cell_distance(surface, lattice)))
+    return solids
+
+
+def _cell_distance(surface: Surface, lattice: Lattice) -> NDArray[np.float64]:
+    """Signed distance of the middle of each cell; cells two spacings and more outside the box around the shape have
+    +-inf."""
+    far = 2.0 * max(lattice.spacing)
+    axes = lattice.axes()
+    cut = tuple(
+        slice(*np.searchsorted(axis, (surface.bounds[0, k] - far, surface.bounds[1, k] + far)))
+        for k, axis in enumerate(axes)
+    )
+    distance = np.full(lattice.shape, -np.inf if surface.hollow else np.inf)
+    grid = np.meshgrid(*(axis[part] for axis, part in zip(axes, cut, strict=True)), indexing="ij")
+    points = np.stack(grid, axis=-1)
+    distance[cut] = surface.signed_distance(points.reshape(-1, lattice.dimension)).reshape(points.shape[:-1])
+    return distance
