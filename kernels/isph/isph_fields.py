@@ -19,9 +19,7 @@ ISPH_FIELDS: tuple[Field, ...] = (
     Field("exposed", "uint8", "fluid", False, always, "-", "surface before fragments are counted to it"),
     Field("surface", "uint8", "fluid", False, always, "-", "0 inside, 1 at the free surface, 2 isolated", True),
     Field("surface_normal", "vec", "fluid", False, always, "-", "outward normal; of use at the surface alone", True),
-    Field("slide", "vec", "wall", False, bodies, "m/s", "velocity of the fluid at the foot, for the first layer"),
-    Field("slide_gradient", "mat", "wall", False, bodies, "1/s", "its gradient there, [a, b] = d v_a / d x_b"),
-    Field("continued_velocity", "vec", "wall", False, bodies, "m/s", "velocity of the fluid continued into the wall"),
+    Field("velocity_ahead", "vec", "all", False, bodies, "m/s", "velocity extrapolated to the end of the step"),
     Field("unknown", "real", "fluid", False, always, "Pa", "solution of the pressure equation"),
     Field("source", "real", "fluid", False, always, "1/s^2", "its right-hand side"),
 )

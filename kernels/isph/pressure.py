@@ -64,12 +64,12 @@ def make_assemble(spec: Spec) -> Any:
         surface: wp.array(dtype=wp.uint8),
         position: wp.array(dtype=vec),
         velocity: wp.array(dtype=vec),
-        velocity_old: wp.array(dtype=vec),
+        velocity_ahead: wp.array(dtype=vec),
         velocity_star: wp.array(dtype=vec),
         rest_volume: wp.array(dtype=real),
         boundary_volume: wp.array(dtype=real),
         wall_normal: wp.array(dtype=vec),
-        continued_velocity: wp.array(dtype=vec),
+        mirror_velocity: wp.array(dtype=vec),
         pressure: wp.array(dtype=real),
         lasting_gradient: wp.array(dtype=vec),
         dilation: wp.array(dtype=real),
@@ -170,9 +170,8 @@ def make_assemble(spec: Spec) -> Any:
             if wp.static(spec.bodies):
                 wall_first = particle_count - boundary_volume.shape[0]
                 lasting = lasting_gradient[i]
-                now = velocity[i]
-                ahead = now + (now - velocity_old[i]) * real(weights[3])
-                added = (vi - ahead) * (rho / real(beta))
+                ahead = velocity_ahead[i]
+                added = (velocity_star[i] - ahead) * (rho / real(beta))
             full = full and wall_neighbours[i] == wp.int16(0)
             end += int(wall_neighbours[i]) * step
             while k < end:
@@ -184,7 +183,7 @@ def make_assemble(spec: Spec) -> Any:
                     n = wall_normal[b]
                     f = slope(wp.sqrt(wp.dot(d, d)) * params.inv_h) * boundary_volume[b]
                     # the velocity continued; what the step adds to it is that of this particle, reversed across the wall
-                    flow += wp.outer(continued_velocity[b] - ahead, f * d)
+                    flow += wp.outer(mirror_velocity[b] - ahead, f * d)
                     right += weight * f * ((kept + (real(1.0) - kept) * deferred) * wp.dot(lasting, n) - wp.dot(added, n)) * wp.dot(d, n)
                     continue
                 f = slope(wp.sqrt(wp.dot(d, d)) * params.inv_h) * params.wall_volume
@@ -302,6 +301,7 @@ def make_correct(spec: Spec) -> Any:
         boundary_volume: wp.array(dtype=real),
         wall_normal: wp.array(dtype=vec),
         surface: wp.array(dtype=wp.uint8),
+        velocity_ahead: wp.array(dtype=vec),
         velocity_star: wp.array(dtype=vec),
         velocity: wp.array(dtype=vec),
         velocity_old: wp.array(dtype=vec),
@@ -348,9 +348,7 @@ def make_correct(spec: Spec) -> Any:
             weights = time_weights(clock)
             reach = real(weights[2] * clock[STEP])
             if reach > real(0.0):
-                now = velocity[i]
-                ahead = now + (now - velocity_old[i]) * real(weights[3])
-                added = (velocity_star[i] - ahead) * (rho / reach)
+                added = (velocity_star[i] - velocity_ahead[i]) * (rho / reach)
         nearest = real(TOUCH) * params.spacing  # distance of the nearest wall particle
         off_wall = vec()
         wall_speed = vec()

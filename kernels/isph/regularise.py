@@ -65,7 +65,7 @@ def make_regularise(spec: Spec) -> Any:
         correction: wp.array(dtype=mat),
         crowding: wp.array(dtype=vec),
         boundary_volume: wp.array(dtype=real),
-        continued_velocity: wp.array(dtype=vec),
+        mirror_velocity: wp.array(dtype=vec),
         dilation: wp.array(dtype=real),
         dilation_old: wp.array(dtype=real),
         shift: wp.array(dtype=vec),
@@ -131,7 +131,7 @@ def make_regularise(spec: Spec) -> Any:
                 if wp.static(spec.bodies):
                     w = j - (particle_count - boundary_volume.shape[0])
                     f = slope(wp.sqrt(wp.dot(d, d)) * params.inv_h) * boundary_volume[w]
-                    flow += wp.outer(continued_velocity[w] - vi, f * d)
+                    flow += wp.outer(mirror_velocity[w] - vi, f * d)
                 else:
                     f = slope(wp.sqrt(wp.dot(d, d)) * params.inv_h) * params.wall_volume
                     flow += wp.outer(real(2.0) * (velocity[j] - vi), f * d)

@@ -11,8 +11,8 @@ from warpsph.engine.program import Absent, BuildList, Node, Program, Solve, Stag
 from warpsph.kernels.core.clock import make_advance
 from warpsph.kernels.core.spec import Spec
 from warpsph.kernels.core.wall import make_wall
-from warpsph.kernels.core.wall_fit import make_wall_rows
-from warpsph.kernels.isph.body_flow import make_body_fit, make_body_velocity
+from warpsph.kernels.core.wall_fit import make_wall_fit, make_wall_rows, make_wall_values
+from warpsph.kernels.isph.body_flow import make_look_ahead
 from warpsph.kernels.isph.diffusion import make_diffusion
 from warpsph.kernels.isph.pressure import make_accept, make_assemble, make_correct
 from warpsph.kernels.isph.projection import make_advect, make_predict, make_settle
@@ -90,7 +90,9 @@ def look(spec: Spec) -> list[Stage]:
     stages = []
     if spec.bodies:
         stages.append(Stage("wall_rows", make_wall_rows(), "wall", "where the list build has put each wall particle"))
-        stages += bodies(spec, 1.0)
+        ahead, reason = make_look_ahead(spec), "velocity at the end of the step, which bodies see"
+        stages += [Stage("look_ahead", ahead, rows, reason, values={"behind": n}) for n, rows in enumerate(("fluid", "wall"))]
+        stages += bodies(spec, "velocity_ahead")
     elif spec.wall_no_slip and spec.walls:
         stages.append(Stage("wall_state", make_wall(spec), "wall", "mirrored velocity of the obstacles"))
     stages.append(Stage("predict", make_predict(spec), "fluid", "velocity without pressure; correction of the gradient"))
@@ -101,14 +103,14 @@ def look(spec: Spec) -> list[Stage]:
     return stages
 
 
-def bodies(spec: Spec, ahead: float) -> list[Stage]:
-    """Return the stages that continue the flow into bodies: that of the end of the step (`ahead` 1), or the present one (0)."""
+def bodies(spec: Spec, field: str) -> list[Stage]:
+    """Return the stages that continue pressure and a velocity field of the fluid into bodies; none without them."""
     if not spec.bodies:
         return []
-    values = {"ahead": ahead}
+    fields = {"velocity": field}
     return [
-        Stage("body_fit", make_body_fit(spec), "wall", "linear fit of the flow before the bodies", values=values),
-        Stage("body_velocity", make_body_velocity(spec), "wall", "mirrored and continued velocity of the bodies"),
+        Stage("wall_fit", make_wall_fit(spec), "wall", "linear fit of the flow before the bodies", fields=fields),
+        Stage("wall_values", make_wall_values(spec), "wall", "the flow continued into the bodies", fields=fields),
     ]
 
 
@@ -136,7 +138,7 @@ def finish(spec: Spec) -> list[Stage]:
     """Return the stages after the solver."""
     stages = [
         *take(spec),
-        *bodies(spec, 0.0),
+        *bodies(spec, "velocity"),
         Stage("regularise", make_regularise(spec), "fluid", "divergence left over, shift of the particles"),
     ]
     if not spec.second_order:
