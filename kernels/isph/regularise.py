@@ -129,9 +129,9 @@ def make_regularise(spec: Spec) -> Any:
                 k += step
                 d = apart(xi, position[j], 0, wrapped, params, sides)
                 if wp.static(spec.bodies):
-                    w = j - (particle_count - boundary_volume.shape[0])
-                    f = slope(wp.sqrt(wp.dot(d, d)) * params.inv_h) * boundary_volume[w]
-                    flow += wp.outer(mirror_velocity[w] - vi, f * d)
+                    b = j - (particle_count - boundary_volume.shape[0])
+                    f = slope(wp.sqrt(wp.dot(d, d)) * params.inv_h) * boundary_volume[b]
+                    flow += wp.outer(mirror_velocity[b] - vi, f * d)
                 else:
                     f = slope(wp.sqrt(wp.dot(d, d)) * params.inv_h) * params.wall_volume
                     flow += wp.outer(real(2.0) * (velocity[j] - vi), f * d)
