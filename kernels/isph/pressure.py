@@ -300,6 +300,7 @@ def make_correct(spec: Spec) -> Any:
         correction: wp.array(dtype=mat),
         boundary_volume: wp.array(dtype=real),
         wall_normal: wp.array(dtype=vec),
+        wall_depth: wp.array(dtype=real),
         surface: wp.array(dtype=wp.uint8),
         velocity_ahead: wp.array(dtype=vec),
         velocity_star: wp.array(dtype=vec),
@@ -308,6 +309,9 @@ def make_correct(spec: Spec) -> Any:
         pressure_gradient: wp.array(dtype=vec),
         lasting_gradient: wp.array(dtype=vec),
         acceleration: wp.array(dtype=vec),
+        beside: wp.array(dtype=vec),
+        wall_gap: wp.array(dtype=real),
+        wall_pace: wp.array(dtype=real),
         maxima: wp.array(dtype=real),
     ):
         i = wp.tid() + first
@@ -349,6 +353,8 @@ def make_correct(spec: Spec) -> Any:
             reach = real(weights[2] * clock[STEP])
             if reach > real(0.0):
                 added = (velocity_star[i] - velocity_ahead[i]) * (rho / reach)
+            nearest_wall = real(1.0e30)
+            beside[i] = vec()
         nearest = real(TOUCH) * params.spacing  # distance of the nearest wall particle
         off_wall = vec()
         wall_speed = vec()
@@ -359,18 +365,23 @@ def make_correct(spec: Spec) -> Any:
                 k += step
                 d = apart(xi, position[j], 0, wrapped, params, sides)
                 r = wp.length(d)
-                if r < nearest and r > real(0.0):
-                    nearest = r
-                    off_wall = d / r
-                    wall_speed = velocity[j]
                 if wp.static(spec.bodies):
                     b = j - (particle_count - boundary_volume.shape[0])
                     n = wall_normal[b]
+                    if r < nearest_wall:
+                        nearest_wall = r
+                        beside[i] = n
+                        wall_gap[i] = wp.dot(n, d) - wall_depth[b]
+                        wall_pace[i] = wp.dot(n, velocity[j])
                     fd = (slope(r * params.inv_h) * boundary_volume[b] * params.g_norm) * d
                     # along the wall as the fluid has it, across it what stops the velocity
                     shut += wp.outer(fd, d - n * wp.dot(n, d))
                     push -= fd * (wp.dot(n, d) * wp.dot(n, added))
                     continue
+                if r < nearest and r > real(0.0):
+                    nearest = r
+                    off_wall = d / r
+                    wall_speed = velocity[j]
                 p_j = p_i
                 if wp.static(spec.gravity):
                     p_j -= rho * wp.dot(params.gravity, d)
@@ -398,7 +409,7 @@ def make_correct(spec: Spec) -> Any:
         pressure_gradient[i] = gradient
         old = velocity[i]
         new = velocity_star[i] - gradient * (real(time_weights(clock)[2] * clock[STEP]) / rho)
-        if wp.static(spec.walls and spec.free_surface):
+        if wp.static(spec.walls and spec.free_surface and not spec.bodies):
             # a particle of the surface has no pressure that would keep it off an obstacle
             if surface[i] != wp.uint8(INSIDE):
                 new -= off_wall * wp.min(wp.dot(new - wall_speed, off_wall), real(0.0))

@@ -71,6 +71,9 @@ def make_advect(spec: Spec) -> Any:
         anchor: wp.array(dtype=vec),
         velocity: wp.array(dtype=vec),
         velocity_old: wp.array(dtype=vec),
+        beside: wp.array(dtype=vec),
+        wall_gap: wp.array(dtype=real),
+        wall_pace: wp.array(dtype=real),
         offset: wp.array(dtype=vec),
         position: wp.array(dtype=vec),
     ):
@@ -84,6 +87,16 @@ def make_advect(spec: Spec) -> Any:
             change = carried[i]
             v += change
             old += change
+        if wp.static(spec.bodies):
+            # as at the sides below, with the wall as the last step has left it
+            n = beside[i]
+            if wp.dot(n, n) > real(0.0):
+                left = wall_gap[i] + wp.dot(way - offset[i], n) - wall_pace[i] * real(clock[STEP])
+                need = real(CLOSEST) * params.spacing - left
+                if need > real(0.0):
+                    way += need * n
+                    v += n * wp.max(wall_pace[i] - wp.dot(v, n), real(0.0))
+                    old += n * wp.max(wall_pace[i] - wp.dot(old, n), real(0.0))
         x = anchor[i] + way
         if wp.static(spec.mirror):
             # Pressure keeps the fluid off a wall, but a particle of the surface has none: it ends at the wall like a drop.
@@ -100,7 +113,7 @@ def make_advect(spec: Spec) -> Any:
                     v[axis] = wp.min(v[axis], real(0.0))
                     old[axis] = wp.min(old[axis], real(0.0))
             x = anchor[i] + way
-        if wp.static(spec.shifting or spec.mirror):
+        if wp.static(spec.shifting or spec.mirror or spec.bodies):
             velocity[i] = v
             velocity_old[i] = old
         offset[i] = way

@@ -91,7 +91,8 @@ def look(spec: Spec) -> list[Stage]:
     if spec.bodies:
         stages.append(Stage("wall_rows", make_wall_rows(), "wall", "where the list build has put each wall particle"))
         ahead, reason = make_look_ahead(spec), "velocity at the end of the step, which bodies see"
-        stages += [Stage("look_ahead", ahead, rows, reason, values={"behind": n}) for n, rows in enumerate(("fluid", "wall"))]
+        stages.append(Stage("look_ahead", ahead, "fluid", reason, values={"behind": 0}))
+        stages.append(Stage("look_ahead", ahead, "wall", reason, values={"behind": 1}))
         stages += bodies(spec, "velocity_ahead")
     elif spec.wall_no_slip and spec.walls:
         stages.append(Stage("wall_state", make_wall(spec), "wall", "mirrored velocity of the obstacles"))
