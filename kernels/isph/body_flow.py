@@ -11,7 +11,7 @@ from warpsph.kernels.core.weights import make_weights
 
 @functools.cache
 def make_look_ahead(spec: Spec) -> Any:
-    """Return the kernel that extrapolates the velocity to the end of the step; with `behind` 1 that of walls, which is known."""
+    """Return the kernel that extrapolates the velocity to the end of the step; `behind` 1: that of walls, as it is."""
     _, vec, _, _ = types_of(spec)
     real = types_of(spec).real
     time_weights = make_weights(spec.second_order)

@@ -17,7 +17,7 @@ from .surface import INSIDE
 
 UNSURE = 0.01  # excess E that disorder alone can make: its standard deviation is 0.0037 on shifted particles
 TOUCH = 0.75  # distance from a wall particle at which a particle of the surface stops, in spacings; a resting row has 1
-VISCOUS_RATE = 1.0
+VISCOUS_RATE = 1.0  # of nu/h^2, the rate at which friction takes what is as short as a smoothing length
 TENSION = 0.5  # largest, over rho u_max^2
 
 
@@ -105,11 +105,12 @@ def make_assemble(spec: Spec) -> Any:
         beta = weights[2] * clock[STEP]
         # what gravity adds to u*: the pressure of images and walls balances it, so that it is not mirrored
         falling = params.gravity * real(beta)
-        kept = real(0.0)
         if wp.static(spec.bodies):
+            # the share of the last pressure that stays, of its gradient in u* and of its Laplacian in the equation
             number = real(VISCOUS_RATE) * real(beta) * phases[0].viscosity / (rho * params.h * params.h)
             kept = number / (real(1.0) + number)
-            falling = falling * (real(1.0) - kept)
+            new = real(1.0) - kept
+            falling = falling * new
             push = kept * real(beta) / rho
             vi = vi - push * lasting_gradient[i]
         crowd = rest_volume[i]
@@ -148,7 +149,10 @@ def make_assemble(spec: Spec) -> Any:
                 if code != 0:
                     vj = image_velocity(vj - falling, code, sides) + falling
                     if wp.static(spec.gravity):
-                        right += (real(1.0) - kept) * (w * rho * wp.dot(params.gravity, lift(xj, code, sides)))
+                        if wp.static(spec.bodies):
+                            right += new * w * rho * wp.dot(params.gravity, lift(xj, code, sides))
+                        else:
+                            right += w * rho * wp.dot(params.gravity, lift(xj, code, sides))
             flow += wp.outer(vj - vi, f * d)
             uneven += w * d
             known = bool(False)
@@ -170,6 +174,7 @@ def make_assemble(spec: Spec) -> Any:
             if wp.static(spec.bodies):
                 wall_first = particle_count - boundary_volume.shape[0]
                 lasting = lasting_gradient[i]
+                known = kept + new * deferred
                 ahead = velocity_ahead[i]
                 added = (velocity_star[i] - ahead) * (rho / real(beta))
             full = full and wall_neighbours[i] == wp.int16(0)
@@ -184,7 +189,7 @@ def make_assemble(spec: Spec) -> Any:
                     f = slope(wp.sqrt(wp.dot(d, d)) * params.inv_h) * boundary_volume[b]
                     # the velocity continued; what the step adds to it is that of this particle, reversed across the wall
                     flow += wp.outer(mirror_velocity[b] - ahead, f * d)
-                    right += weight * f * ((kept + (real(1.0) - kept) * deferred) * wp.dot(lasting, n) - wp.dot(added, n)) * wp.dot(d, n)
+                    right += weight * f * wp.dot(known * lasting - added, n) * wp.dot(d, n)
                     continue
                 f = slope(wp.sqrt(wp.dot(d, d)) * params.inv_h) * params.wall_volume
                 w = weight * f
@@ -213,7 +218,10 @@ def make_assemble(spec: Spec) -> Any:
         else:
             divergence -= wanted
         right -= share * (spread[i] / real(dimension)) * divergence / real(beta)
-        right += (real(1.0) - kept) * deferred * wp.dot(lasting_gradient[i], uneven)
+        if wp.static(spec.bodies):
+            right += new * deferred * wp.dot(lasting_gradient[i], uneven)
+        else:
+            right += deferred * wp.dot(lasting_gradient[i], uneven)
         matrix_counts[i] = wp.int16(count)
         matrix_diagonal[i] = diagonal + coupling
         matrix_moment[i] = moment
