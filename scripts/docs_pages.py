@@ -282,6 +282,7 @@ def keys(_: str) -> str:
     """All keys of a case file from its schema, a table for each part."""
     schema = Case.model_json_schema(by_alias=True, mode="validation")
     parts = schema["$defs"]
+    lift_parts(schema, parts)
     name_parts(schema, parts)
     places: dict[str, list[str]] = {}
     order = list(_parts(schema, "", parts))
@@ -297,6 +298,17 @@ def keys(_: str) -> str:
         else:
             lines += [f"One of: {words(part)}.", "", *short_table(part, parts), ""]
     return "\n".join(lines)
+
+
+def lift_parts(schema: Any, parts: dict[str, Any]) -> None:
+    """Make parts of the mappings with a title that stand in place under a key deep within a part, such as inlets."""
+    for key, inner in list(schema.items()) if isinstance(schema, dict) else list(enumerate(schema)):
+        if not isinstance(inner, dict | list):
+            continue
+        lift_parts(inner, parts)
+        if schema is not parts and isinstance(inner, dict) and "title" in inner and "properties" in inner:
+            parts[inner["title"]] = inner
+            schema[key] = {"$ref": f"#/$defs/{inner['title']}"}
 
 
 def name_parts(schema: Mapping[str, Any], parts: dict[str, Any]) -> None:
@@ -374,9 +386,14 @@ def key_table(schema: Mapping[str, Any]) -> list[str]:
 def short_table(schema: Mapping[str, Any], parts: Mapping[str, Any]) -> list[str]:
     """The table of the keys of a part that has short forms besides: those of all its mappings."""
     lines = ["| key | value | example |", "|---|---|---|"]
-    for option in schema["anyOf"]:
-        for key, inner in option.get("properties", {}).items():
-            lines.append(f"| `{key}` | {words(inner)} | `{key}: {instance(inner, parts)}` |")
+
+    def add(choices: list[Any]) -> None:
+        for option in choices:
+            for key, inner in option.get("properties", {}).items():
+                lines.append(f"| `{key}` | {words(inner)} | `{key}: {instance(inner, parts)}` |")
+                add(inner.get("anyOf", []))
+
+    add(schema["anyOf"])
     return list(dict.fromkeys(lines))
 
 
@@ -393,7 +410,10 @@ def instance(schema: Mapping[str, Any], parts: Mapping[str, Any]) -> str:
     if schema.get("type") == "array":
         return "[1, 0]"
     if "properties" in schema:
-        return "{" + ", ".join(f"{key}: {instance(inner, parts)}" for key, inner in schema["properties"].items()) + "}"
+        shown = schema["properties"]
+        if all(inner.get("examples") for inner in shown.values()):  # a part of its own, with a table of its own
+            shown = dict(list(shown.items())[-1:])
+        return "{" + ", ".join(f"{key}: {instance(inner, parts)}" for key, inner in shown.items()) + "}"
     raise PluginError(f"no example can be made of {schema}")
 
 
@@ -469,7 +489,27 @@ def scene(dimension: int, gauge: Mapping[str, Any]) -> Case:
                 {"phase": "gas", "shape": {"sphere": {"center": [0.5] * dimension, "radius": 0.2}}},
                 {"phase": "liquid", "shape": "rest"},
             ],
-            "obstacles": [{"name": "block", "shape": {"box": {"lower": lower, "upper": [0.2] * dimension}}}],
+            "bodies": {"block": {"shape": {"box": {"lower": lower, "upper": [0.2] * dimension}}}},
+            "gauges": {"g": gauge},
+        }
+    )
+
+
+def channel(dimension: int, gauge: Mapping[str, Any]) -> Case:
+    """A case of one phase with an inlet and an outlet along x, that has one gauge."""
+    ends = {"lower": {"inlet": {"velocity": [1.0, *[0.0] * (dimension - 1)]}}, "upper": {"outlet": {"pressure": 0}}}
+    return Case.from_dict(
+        {
+            "dimension": dimension,
+            "particle_spacing": 0.1,
+            "end_time": 1.0,
+            "domain": {
+                "lower": [0.0] * dimension,
+                "upper": [1.0] * dimension,
+                "boundary": {"x": ends, **dict.fromkeys("yz"[: dimension - 1], "wall")},
+            },
+            "phases": {"water": {"density": 1000, "sound_speed": 10}},
+            "fluids": [{"phase": "water", "shape": "rest"}],
             "gauges": {"g": gauge},
         }
     )
@@ -480,16 +520,20 @@ def columns(kind: str) -> str:
     keys: dict[str, Any] = {"type": kind, "interval": 0.1}
     units: dict[str, dict[int, str]] = {"time": {2: "s", 3: "s"}}
     for dimension in (2, 3):
+        if kind == "elevation":
+            keys |= {"places": [[0.0] * (dimension - 1), [0.5] * (dimension - 1)]}
         if kind == "points":
             keys |= {"points": [[0.5] * dimension], "fields": ["pressure", "velocity"]}
         elif kind == "line":
             ends = {"from": [0.5, *[0.1] * (dimension - 1)], "to": [0.5, *[0.9] * (dimension - 1)]}
             keys |= {**ends, "count": 11, "fields": ["pressure", "velocity"]}
+        elif kind == "reattachment":
+            keys |= {"from": [0.1] * dimension, "to": [0.9, *[0.1] * (dimension - 1)], "count": 11}
         elif kind == "contour":
             keys |= {"mirror": "x"}
             if dimension == 3:
                 continue
-        case = scene(dimension, keys)
+        case = channel(dimension, keys) if kind == "flow_rate" else scene(dimension, keys)
         gauge = gauges.GAUGES[kind]("g", case.gauges["g"], case)
         for column in gauge.columns:
             units.setdefault(column.name, {})[dimension] = column.unit

@@ -2,7 +2,7 @@
 
 A scene is drawn whole from its seed: one to three real liquids and gases, from millimetres to metres, two or three
 dimensions, sides that are walls, free-slip walls, periodic or a moving lid, gravity or none, tension and contact angles
-or none; columns, layers, drops, bubbles, drops that are thrown at a floor or a pool, thin films, fixed obstacles. All
+or none; columns, layers, drops, bubbles, drops that are thrown at a floor or a pool, thin films, fixed bodies. All
 numerics are `auto`. One scene in six is of one liquid; a part of those runs with projection ISPH.
 
 A run is judged by what the scene itself allows, with no number taken from a run:
@@ -129,10 +129,10 @@ def _scene(draw: Draw, title: str) -> dict[str, Any]:
     if moving:
         _throw(draw, case, moving, pace)
     if draw.chance(0.3):
-        case["obstacles"] = [_obstacle(draw, spacing, counts)]
+        case["bodies"] = {"block": _body(draw, spacing, counts)}
     if gravity and draw.chance(0.6):
         case["start"]["pressure"] = "hydrostatic"
-    if single and draw.chance(0.35) and "obstacles" not in case:
+    if single and draw.chance(0.35) and "bodies" not in case:
         case["numerics"] = {"scheme": "isph"}
         case["surface_tension"] = []
     return case
@@ -311,7 +311,7 @@ def _throw(draw: Draw, case: dict[str, Any], shapes: list[dict[str, Any]], pace:
     case["start"]["velocity"] = velocity
 
 
-def _obstacle(draw: Draw, spacing: float, counts: list[int]) -> dict[str, Any]:
+def _body(draw: Draw, spacing: float, counts: list[int]) -> dict[str, Any]:
     """Return a fixed body of at least four spacings, clear of the sides or standing on the floor."""
     size = [n * spacing for n in counts]
     wall = draw.choice(("no_slip", "no_slip", "free_slip"))
@@ -506,7 +506,7 @@ def describe(data: dict[str, Any]) -> str:
         ends = [end if isinstance(end, str) else "lid" for end in axis.values()]
         sides.append("/".join(dict.fromkeys(end[:4] for end in ends)))
     extra = [word for word, there in (
-        ("tension", data["surface_tension"]), ("obstacle", data.get("obstacles")), ("thrown", data["start"].get("velocity")),
+        ("tension", data["surface_tension"]), ("body", data.get("bodies")), ("thrown", data["start"].get("velocity")),
         ("isph", data.get("numerics")), ("no gravity", not any(data["gravity"])), ("f64", data["precision"] == "float64"),
     ) if there]  # fmt: skip
     length = data["domain"]["upper"][0]

@@ -110,7 +110,7 @@ class Rain(Scheme):
             scales={"velocity": 1.0}, step_cap={"fixed": self.time_step}, densities=(1000.0,), tension=np.zeros((1, 1)),
         )  # fmt: skip
 
-    def room(self, case, geometry):
+    def room(self, case, geometry, physics):
         """Room for so many drops at first."""
         return self.first_room
 

@@ -101,7 +101,20 @@ def make_keys(spec: Spec) -> Any:
                     sort_keys[i] = grid.cell_count - 1
                     sort_order[i] = i
                     return
-        if moving == 1:
+        takes_up = moving == 1
+        if wp.static(spec.moving):
+            takes_up = moving == 1 and i < fluid_count
+            if moving == 1 and i >= fluid_count:
+                # of a body, where its motion has brought it; other walls stay where they are
+                place = position[i]
+                for axis in range(wp.static(spec.dimension)):
+                    if wp.static(any(spec.periodic)):
+                        period = grid.box[axis]
+                        if period > real(0.0):
+                            place[axis] = place[axis] - period * wp.floor((place[axis] - grid.origin[axis]) / period)
+                anchor[i] = place
+                position[i] = place
+        if takes_up:
             old = anchor[i]
             way = offset[i]
             new = old + way

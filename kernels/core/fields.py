@@ -12,6 +12,8 @@ import warp as wp
 
 from .spec import Spec, types_of
 
+NOBODY, FLUID, BUFFER = 0, 1, 2  # of `zone`; BUFFER + k is the buffer of the open side k
+
 
 def always(spec: Spec) -> bool:
     """Every run."""
@@ -43,6 +45,11 @@ def bodies(spec: Spec) -> bool:
     return spec.bodies
 
 
+def tails(spec: Spec) -> bool:
+    """Runs with bodies that have thin tails."""
+    return spec.tails
+
+
 def shifting(spec: Spec) -> bool:
     """Runs that shift particles."""
     return spec.shifting
@@ -53,9 +60,24 @@ def flagged(spec: Spec) -> bool:
     return spec.multiphase or any(spec.periodic)
 
 
+def varying_sides(spec: Spec) -> bool:
+    """Runs in which the velocity of a side of the domain depends on time."""
+    return spec.walls and spec.varying_sides
+
+
+def moving(spec: Spec) -> bool:
+    """Runs in which bodies move."""
+    return spec.moving
+
+
 def changing(spec: Spec) -> bool:
     """Runs in which particles are born or die."""
     return spec.changing
+
+
+def flow_through(spec: Spec) -> bool:
+    """Runs with inlets or outlets."""
+    return spec.open_axis >= 0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -96,6 +118,10 @@ COMMON: tuple[Field, ...] = (
     Field("particle_id", "int32", "all", True, always, "-", "number given at the start"),
     Field("phase", "int8", "fluid", True, multiphase, "-", "index of the fluid phase"),
     Field("wall_body", "int32", "wall", True, walls, "-", "number of the wall body"),
+    Field("home", "vec", "wall", True, moving, "m", "position at time 0 of a particle of a body"),
+    Field("home_normal", "vec", "wall", True, moving, "-", "normal at time 0"),
+    Field("wall_acceleration", "vec", "wall", True, moving, "m/s^2", "of a particle of a body"),
+    Field("wall_sides", "uint8", "wall", True, varying_sides, "-", "bits: the sides that a wall particle is behind"),
     Field("fluid_neighbours", "int16", "all", False, always, "-", "fluid particles in the list"),
     Field("wall_neighbours", "int16", "fluid", False, walls, "-", "wall particles in the list, after the fluid"),
     Field("flags", "uint8", "all", False, flagged, "-", "bits of `pair`: image, first ring, band"),
@@ -110,17 +136,23 @@ FLOW: tuple[Field, ...] = (
     Field("state", "pair", "all", True, always, "Pa, m^d", "pressure and volume"),
     Field("shift", "vec", "fluid", True, shifting, "m", "shift to apply in the next drift"),
     Field("carried", "vec", "fluid", True, shifting, "m/s", "change of velocity that belongs to the shift"),
+    Field("zone", "int8", "fluid", True, flow_through, "-", "0 nobody, 1 fluid, from 2 on the buffer of an open side"),
+    Field("row_speed", "real", "fluid", True, flow_through, "m/s", "at which a buffer particle moves along the axis"),
     Field("slip", "uint8", "wall", True, no_slip, "-", "1 on free-slip walls"),
     Field("wall_depth", "real", "wall", True, depths, "m", "distance of a wall particle from the surface; 0: unknown"),
     Field("wall_normal", "vec", "wall", True, bodies, "-", "unit vector from the wall into the fluid, at the foot"),
     Field("wall_area", "real", "wall", True, bodies, "m^(d-1)", "of the surface before a particle of the first layer"),
     Field("boundary_volume", "real", "wall", True, bodies, "m^d", "volume of a wall particle"),
     Field("leader", "int32", "wall", True, bodies, "-", "number among the walls of the first-layer particle at the foot"),
+    Field("sheet", "int8", "wall", True, tails, "-", "side of a thin tail through which a wall particle is seen; 0: any"),
+    Field("frame", "int16", "wall", True, tails, "-", "number of the frame of lines of sight to it, -1: none"),
+    Field("frame_near", "int16", "fluid", False, tails, "-", "number of the frame of lines of sight nearby, -1: none"),
     Field("row_of_wall", "int32", "wall", False, bodies, "-", "present row, among the walls, of each by its number"),
     Field("surface_pressure", "real", "wall", False, bodies, "Pa", "of the fluid at the foot, for the first layer"),
     Field("surface_gradient", "vec", "wall", False, bodies, "Pa/m", "of the pressure there"),
     Field("surface_shear", "mat", "wall", False, bodies, "1/s", "velocity gradient there, [a, b] = d v_a / d x_b"),
     Field("surface_velocity", "vec", "wall", False, bodies, "m/s", "of the fluid at the foot, for the first layer"),
+    Field("surface_bend", "vec", "wall", False, bodies, "1/(m s)", "half the second derivative of v along the normal"),
     Field("mirror_velocity", "vec", "wall", True, depths, "m/s", "velocity that friction on the wall sees"),
 )
 """fields of a scheme of fluid flow"""

@@ -11,6 +11,7 @@ from typing import Any
 import warp as wp
 
 from .clock import LAST_STEP
+from .fields import FLUID
 from .spec import types
 
 # group -> (entries that are added, entries of which the largest is kept), in the order of `warpsph.measure.totals`
@@ -152,13 +153,14 @@ def _make_terms(group: str, dimension: int) -> tuple[Any, Any, Any, Any]:
 
 @functools.cache
 def make_phase_sums(
-    group: str, dimension: int, precision: str, multiphase: bool, leapfrog: bool, in_rows: bool
+    group: str, dimension: int, precision: str, multiphase: bool, leapfrog: bool, in_rows: bool, zones: bool = False
 ) -> tuple[Any, Any, Any]:
     """Return (kernel, type of a row of `totals`, type of a row of `largest`); see the module.
 
     group: of GROUPS
     leapfrog: the velocities are half a step behind the positions and are carried on to them
     in_rows: a block is a stretch of particles (CPU) instead of every block_count-th particle (GPU)
+    zones: rows without a particle and buffers of open sides do not count
     """
     real, vec, _, pair = types(dimension, precision)
     Total, Largest, terms, extremes = _make_terms(group, dimension)
@@ -185,6 +187,7 @@ def make_phase_sums(
         rest_volume: wp.array(dtype=real),
         state: wp.array(dtype=pair),
         normal: wp.array(dtype=vec),
+        zone: wp.array(dtype=wp.int8),
         totals: wp.array(dtype=Total),
         largest: wp.array(dtype=Largest),
     ):
@@ -211,6 +214,8 @@ def make_phase_sums(
             counts = bool(True)
             if wp.static(multiphase):
                 counts = int(phase[k]) == own
+            if wp.static(zones):
+                counts = counts and int(zone[k]) == FLUID
             if counts:
                 for axis in range(wp.static(dimension)):
                     x = wp.float64(anchor[k][axis]) + wp.float64(offset[k][axis])
@@ -273,7 +278,7 @@ def make_fold(dtype: Any, largest: bool) -> Any:
 
 
 @functools.cache
-def make_mark_bins(dimension: int, precision: str, multiphase: bool) -> Any:
+def make_mark_bins(dimension: int, precision: str, multiphase: bool, zones: bool = False) -> Any:
     """Return the kernel over the fluid that marks which slices of the domain along each axis hold some of a phase.
 
     `occupied` has `most_bins` entries for each axis of each phase; the slices start at `lower` and are `bins` an axis, 0 for
@@ -291,9 +296,13 @@ def make_mark_bins(dimension: int, precision: str, multiphase: bool) -> Any:
         phase: wp.array(dtype=wp.int8),
         anchor: wp.array(dtype=vec),
         offset: wp.array(dtype=vec),
+        zone: wp.array(dtype=wp.int8),
         occupied: wp.array(dtype=wp.uint8),
     ):
         i = wp.tid() + first
+        if wp.static(zones):
+            if int(zone[i]) != FLUID:
+                return
         own = int(0)
         if wp.static(multiphase):
             own = int(phase[i])
@@ -310,7 +319,7 @@ def make_mark_bins(dimension: int, precision: str, multiphase: bool) -> Any:
 
 
 @functools.cache
-def make_mark_near(dimension: int, precision: str) -> Any:
+def make_mark_near(dimension: int, precision: str, zones: bool = False) -> Any:
     """Return the kernel over the fluid that marks in `near` the particles in the wanted cells of a grid.
 
     `wanted_cells` has 1 where a cell is wanted, the last axis fastest; cells start at `cells_lower` and have the sizes
@@ -328,9 +337,14 @@ def make_mark_near(dimension: int, precision: str) -> Any:
         wanted_cells: wp.array(dtype=wp.uint8),
         anchor: wp.array(dtype=vec),
         offset: wp.array(dtype=vec),
+        zone: wp.array(dtype=wp.int8),
         near: wp.array(dtype=wp.uint8),
     ):
         i = wp.tid() + first
+        if wp.static(zones):
+            if int(zone[i]) != FLUID:
+                near[i] = wp.uint8(0)
+                return
         cell = int(0)
         for axis in range(wp.static(dimension)):
             x = wp.float64(anchor[i][axis]) + wp.float64(offset[i][axis])

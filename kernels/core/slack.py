@@ -36,6 +36,8 @@ def make_slack(spec: Spec) -> tuple[Any, Any, Any]:
         cell_start: wp.array(dtype=int),
         offset: wp.array(dtype=vec),
         velocity: wp.array(dtype=vec),
+        anchor: wp.array(dtype=vec),
+        position: wp.array(dtype=vec),
         low_now: wp.array(dtype=vec),
         high_now: wp.array(dtype=vec),
         low_then: wp.array(dtype=vec),
@@ -58,7 +60,18 @@ def make_slack(spec: Spec) -> tuple[Any, Any, Any]:
             lt = wp.min(lt, e)
             ht = wp.max(ht, e)
             i += 1
-        if wp.static(spec.walls):
+        if wp.static(spec.moving):
+            i = cell_start[c + grid.cell_count]
+            end = cell_start[c + grid.cell_count + 1]
+            while i < end:
+                d = position[i] - anchor[i]
+                e = d + velocity[i] * tau
+                ln = wp.min(ln, d)
+                hn = wp.max(hn, d)
+                lt = wp.min(lt, e)
+                ht = wp.max(ht, e)
+                i += 1
+        elif wp.static(spec.walls):
             if cell_start[c + grid.cell_count + 1] > cell_start[c + grid.cell_count]:
                 ln = wp.min(ln, zero)
                 hn = wp.max(hn, zero)

@@ -29,6 +29,7 @@ class Spec:
         periodic: per axis, whether it is periodic.
         walls: wall particles exist.
         bodies: some walls have a surface of their own, see `wall_fit`.
+        tails: some bodies have thin tails, whose two sides do not see each other, see `visibility`.
         wall_no_slip: some wall exerts viscous friction (then `viscosity` is not "none").
         viscosity: "none", "morris", "radial" or "paper".
         tension: "none", "pressure_jump" or "body_force".
@@ -47,7 +48,12 @@ class Spec:
         dissipation: the pressure difference enters the star velocity.
         free_surface: an axis is open, so that wall pressure never pulls.
         scheme: name of the scheme in the registry.
+        varying_force: gravity or body force depends on time, see `signals`.
+        varying_sides: the velocity of a side of the domain does.
+        moving: bodies move.
         changing: particles are born or die.
+        open_axis: axis whose sides are inlets or outlets, -1 for none; with any the number of particles changes.
+        sponge: layers next to inlets or outlets damp the flow.
         mirror: sides of the domain are walls made of mirror images (isph).
         second_order: BDF2 in time instead of the first-order projection (isph).
         implicit_viscosity: the viscous term is stabilised by an implicit solve (isph).
@@ -63,6 +69,7 @@ class Spec:
     periodic: tuple[bool, ...] = (False, False)
     walls: bool = False
     bodies: bool = False
+    tails: bool = False
     wall_no_slip: bool = False
     viscosity: str = "none"
     tension: str = "none"
@@ -85,7 +92,12 @@ class Spec:
     second_order: bool = False
     implicit_viscosity: bool = False
     viscosity_by_axis: bool = False
+    varying_force: bool = False
+    varying_sides: bool = False
+    moving: bool = False
     changing: bool = False
+    open_axis: int = -1
+    sponge: bool = False
     row_list: bool = True
     wide_list: bool = False
 

@@ -15,11 +15,11 @@ def nearest_triangles(
 ):
     """Write the number of the nearest triangle, -1 beyond `farthest`, and -1 for points inside the mesh, else 1.
 
-    The mesh supports winding numbers. Lengths are in any unit; float32 decides between triangles that are equally far but
-    for rounding, so that the place on the triangle is for the caller to find.
+    The mesh is closed. Lengths are in any unit; float32 decides between triangles that are equally far but for rounding, so
+    that the place on the triangle is for the caller to find.
     """
     k = wp.tid()
-    found = wp.mesh_query_point_sign_winding_number(mesh, points[k], farthest)
+    found = wp.mesh_query_point_sign_normal(mesh, points[k], farthest)
     face[k] = -1
     if found.result:
         face[k] = found.face

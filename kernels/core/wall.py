@@ -8,7 +8,7 @@ own fluid, p_i + rho_i g.(x_w - x_i), in the momentum sweep.
 
 The second-order projection takes <v> of the velocity extrapolated to the end of the step, where its viscous term is.
 
-depth is how far the wall particle is behind the surface; where it is not known (obstacles) v_mirror = 2 v_w - <v>.
+depth is how far the wall particle is behind the surface; where it is not known v_mirror = 2 v_w - <v>.
 """
 
 import functools
@@ -20,6 +20,7 @@ from .pair import list_access, separation_of
 from .params import make_params, make_phase
 from .smoothing import make_smoothing
 from .spec import SWEEP_OPTIONS, Spec, types_of
+from .time_signals import GRAVITY_NEXT, make_forcing
 from .weights import make_weights
 
 
@@ -32,6 +33,7 @@ def make_wall(spec: Spec) -> Any:
     shape, _ = make_smoothing(spec.kernel, spec.precision)
     separation = separation_of(spec)
     list_begin, list_step, neighbour, Listed = list_access(spec)
+    gravity_of, _ = make_forcing(spec)
     extrapolated = spec.second_order
     time_weights = make_weights(spec.second_order)
 
@@ -44,6 +46,7 @@ def make_wall(spec: Spec) -> Any:
         params: Params,
         phases: wp.array(dtype=Phase),
         clock: wp.array(dtype=wp.float64),
+        forcing: wp.array(dtype=vec),
         neighbours: Listed,
         fluid_neighbours: wp.array(dtype=wp.int16),
         phase: wp.array(dtype=wp.int8),
@@ -82,7 +85,7 @@ def make_wall(spec: Spec) -> Any:
                     own = int(phase[j])
                 # the density it has, not that at rest: else the first row sinks into the floor
                 rho = phases[own].density * rest_volume[j] / state_j[1]
-                term += rho * wp.dot(params.gravity, d)
+                term += rho * wp.dot(gravity_of(params, forcing, GRAVITY_NEXT), d)
             p += term * w_ij
             weight += w_ij
             if wp.static(spec.wall_no_slip):

@@ -1,14 +1,18 @@
-"""Walls with a surface of their own: pressure and velocity continued through it along a linear fit (theory: riemann#a5).
+"""Walls with a surface of their own: pressure and velocity continued through it along fits (theory: riemann#a5).
 
-At the foot x_s of each particle of the first layer, with weights w_f = W(x_f - x_s) V_f over the fluid and r = x_f - x_s:
+At the foot x_s of each particle of the first layer, with weights w_f = W(x_f - x_s) V_f over the fluid and r = x_f - x_s,
+which is y along the normal n and s at right angles to it:
 
     pressure: the least-squares fit p_s + G.r of p_f - rho_f b.r, b = g + f - a_w the acceleration that pressure balances
-    velocity: the least-squares fit v_w + S r of v_f, which is that of the wall at the surface:
-        S = [sum w (v_f - v_w) (x) r] [sum w r (x) r]^-1
+    velocity: the least-squares fit v_w + S r + q y^2 + c s^2 of v_f, which is that of the wall at the surface
 
-A wall particle x behind that foot (its own: x_o) has p = p_s + (G + rho b).(x - x_s) and mirrors v = v_w + S (x - x_o): both
-are exact where the fluid has a linear pressure and a linear velocity, whatever the arrangement of particles.
-Where the fluid is too thin for a fit, G = 0, and S changes along the normal alone.
+A wall particle x behind that foot, z behind its own, has p = p_s + (G + rho b).(x - x_s) and mirrors
+v = v_w - S n z + q z^2: both are exact where the fluid has a linear pressure and a linear velocity, whatever the arrangement
+of particles. The quadratic terms make the viscous term beside the surface one of second order; s^2 is there for surfaces
+that are not plane.
+
+A wall without friction has a velocity along it from the fit of the fluid alone, and a slope that makes no shear stress.
+Where the fluid is too thin for a fit, G = 0, and the velocity changes along the normal alone.
 """
 
 import functools
@@ -18,11 +22,14 @@ import warp as wp
 
 from .pair import list_access, separation_of
 from .params import make_params, make_phase
+from .poses import make_pose, make_velocity_at
 from .smoothing import make_smoothing
 from .spec import SWEEP_OPTIONS, Spec, types_of
+from .time_signals import GRAVITY_NEXT, make_forcing
 
 HALF_SPACE = {1: 0.07, 2: 0.019, 3: 0.0047}  # determinant of the spread of an even half space, over h^(2d) (Wendland C2)
 THIN = 0.05  # share of it below which the fluid before a foot is too thin for a fit; a right-angled corner has a quarter
+MOST_BEND = 0.5  # what the quadratic term may be of the linear one at a support: an unresolved layer is no parabola
 NEAREST = 0.25  # spacings: fluid nearer than that to the surface counts as at that distance, for the slope of its velocity
 
 
@@ -53,6 +60,9 @@ def make_wall_fit(spec: Spec) -> Any:
     shape, _ = make_smoothing(spec.kernel, spec.precision)
     separation = separation_of(spec)
     list_begin, list_step, neighbour, Listed = list_access(spec)
+    gravity_of, body_force_of = make_forcing(spec)
+    velocity_at = make_velocity_at(spec)
+    Pose = make_pose()
     thin = THIN * HALF_SPACE[spec.dimension]
 
     @wp.kernel(module="unique", enable_backward=False, module_options=SWEEP_OPTIONS)
@@ -63,6 +73,11 @@ def make_wall_fit(spec: Spec) -> Any:
         list_width: int,
         params: Params,
         phases: wp.array(dtype=Phase),
+        forcing: wp.array(dtype=vec),
+        body_motion: wp.array(dtype=int),
+        poses: wp.array(dtype=Pose),
+        wall_body: wp.array(dtype=int),
+        wall_acceleration: wp.array(dtype=vec),
         neighbours: Listed,
         fluid_neighbours: wp.array(dtype=wp.int16),
         phase: wp.array(dtype=wp.int8),
@@ -78,6 +93,7 @@ def make_wall_fit(spec: Spec) -> Any:
         surface_gradient: wp.array(dtype=vec),
         surface_velocity: wp.array(dtype=vec),
         surface_shear: wp.array(dtype=mat),
+        surface_bend: wp.array(dtype=vec),
     ):
         w = wp.tid() + first
         if wall_area[w] == real(0.0):
@@ -85,8 +101,11 @@ def make_wall_fit(spec: Spec) -> Any:
         i = w + fluid_count
         normal = wall_normal[w]
         foot = position[i] + normal * wall_depth[w]
-        balanced = params.gravity + params.body_force
+        balanced = gravity_of(params, forcing, GRAVITY_NEXT) + body_force_of(params, forcing)
         own_velocity = velocity[i]
+        if wp.static(spec.moving):
+            balanced -= wall_acceleration[w]
+            own_velocity = velocity_at(own_velocity, normal * wall_depth[w], wall_body[w], body_motion, poses)
         weight = real(0.0)
         density = real(0.0)
         p = real(0.0)
@@ -95,6 +114,14 @@ def make_wall_fit(spec: Spec) -> Any:
         square = mat()  # sum w r (x) r
         flow = vec()  # sum w (v - v_w)
         shear = mat()  # sum w (v - v_w) (x) r
+        # the quadratic terms: y along the normal, s at right angles to it
+        line_y = vec()  # sum w y^2 r
+        line_s = vec()  # sum w s^2 r
+        yyyy = real(0.0)  # sum w y^4
+        yyss = real(0.0)
+        ssss = real(0.0)
+        bend = vec()  # sum w (v - v_w) y^2
+        bow = vec()  # sum w (v - v_w) s^2
         slips = bool(True)
         if wp.static(spec.wall_no_slip):
             slips = slip[w] != wp.uint8(0)
@@ -120,6 +147,15 @@ def make_wall_fit(spec: Spec) -> Any:
             square += wp.outer(r, w_j * r)
             flow += w_j * (velocity[j] - own_velocity)
             shear += wp.outer(velocity[j] - own_velocity, w_j * r)
+            y2 = wp.dot(r, normal) * wp.dot(r, normal)
+            s2 = wp.dot(r, r) - y2
+            line_y += (w_j * y2) * r
+            line_s += (w_j * s2) * r
+            yyyy += w_j * y2 * y2
+            yyss += w_j * y2 * s2
+            ssss += w_j * s2 * s2
+            bend += (w_j * y2) * (velocity[j] - own_velocity)
+            bow += (w_j * s2) * (velocity[j] - own_velocity)
         gradient = vec()
         if weight > real(1.0e-20):
             inv_weight = real(1.0) / weight
@@ -128,6 +164,13 @@ def make_wall_fit(spec: Spec) -> Any:
             square = square * inv_weight
             shear = shear * inv_weight
             flow = flow * inv_weight
+            line_y = line_y * inv_weight
+            line_s = line_s * inv_weight
+            yyyy = yyyy * inv_weight
+            yyss = yyss * inv_weight
+            ssss = ssss * inv_weight
+            bend = bend * inv_weight
+            bow = bow * inv_weight
             spread = square - wp.outer(mean, mean)
             limit = real(thin)
             for _axis in range(wp.static(spec.dimension)):
@@ -140,8 +183,24 @@ def make_wall_fit(spec: Spec) -> Any:
             p = p - wp.dot(gradient, mean)
             free = (shear - wp.outer(flow, mean)) * inverse  # of a fit that does not know the wall
             if whole:
-                shear = shear * wp.inverse(square)
+                inverse = wp.inverse(square)
+                bend -= shear * (inverse * line_y)
+                bow -= shear * (inverse * line_s)
+                yyyy -= wp.dot(line_y, inverse * line_y)
+                yyss -= wp.dot(line_y, inverse * line_s)
+                ssss -= wp.dot(line_s, inverse * line_s)
+                straight = shear * inverse
+                bend = (ssss * bend - yyss * bow) / (yyyy * ssss - yyss * yyss)
+                # along the wall alone: across it a bend is sound, which its mirror would make louder in each step
+                bend -= normal * wp.dot(bend, normal)
+                reach = real(2.0) * params.h
+                most = real(MOST_BEND) * wp.length(straight * normal)
+                if wp.length(bend) * reach > most:
+                    bend = bend * (most / (wp.length(bend) * reach))
+                bow = (bow - yyss * bend) / ssss
+                shear = straight - wp.outer(bend, inverse * line_y) - wp.outer(bow, inverse * line_s)
             else:
+                bend = vec()
                 nearest = real(NEAREST) * params.spacing
                 out = wp.max(wp.dot(normal, square * normal), nearest * nearest)
                 shear = wp.outer(shear * normal / out, normal)
@@ -153,15 +212,18 @@ def make_wall_fit(spec: Spec) -> Any:
                 free -= wp.outer(normal, wp.transpose(free) * normal)
                 out_of = wp.transpose(shear) * normal
                 twist = out_of - normal * wp.dot(out_of, normal)
+                bend = vec()
                 shear = free + wp.outer(normal, out_of) - wp.outer(twist, normal)
                 own_velocity += along
             gradient += balanced * (density * inv_weight)
         else:
             shear = mat()
+            bend = vec()
         surface_pressure[w] = p
         surface_gradient[w] = gradient
         surface_velocity[w] = own_velocity
         surface_shear[w] = shear
+        surface_bend[w] = bend
 
     return wall_fit
 
@@ -172,6 +234,8 @@ def make_wall_values(spec: Spec) -> Any:
     real, vec, mat, pair = types_of(spec)
     Params = make_params(spec.dimension, spec.precision)
     separation = separation_of(spec)
+    velocity_at = make_velocity_at(spec)
+    Pose = make_pose()
 
     @wp.kernel(module="unique", enable_backward=False)
     def wall_values(
@@ -180,6 +244,9 @@ def make_wall_values(spec: Spec) -> Any:
         params: Params,
         row_of_wall: wp.array(dtype=int),
         leader: wp.array(dtype=int),
+        body_motion: wp.array(dtype=int),
+        poses: wp.array(dtype=Pose),
+        wall_body: wp.array(dtype=int),
         position: wp.array(dtype=vec),
         velocity: wp.array(dtype=vec),
         wall_depth: wp.array(dtype=real),
@@ -190,6 +257,7 @@ def make_wall_values(spec: Spec) -> Any:
         surface_gradient: wp.array(dtype=vec),
         surface_velocity: wp.array(dtype=vec),
         surface_shear: wp.array(dtype=mat),
+        surface_bend: wp.array(dtype=vec),
         state: wp.array(dtype=pair),
         mirror_velocity: wp.array(dtype=vec),
     ):
@@ -205,7 +273,12 @@ def make_wall_values(spec: Spec) -> Any:
         mirror = surface_velocity[lead] + surface_shear[lead] * way
         if wp.static(spec.wall_no_slip):
             if slip[w] == wp.uint8(0):
-                mirror = velocity[i] - surface_shear[lead] * (wall_normal[w] * wall_depth[w])
+                depth = wall_depth[w]
+                arm = wall_normal[w] * depth
+                own_velocity = velocity[i]
+                if wp.static(spec.moving):
+                    own_velocity = velocity_at(own_velocity, arm, wall_body[w], body_motion, poses)
+                mirror = own_velocity - surface_shear[lead] * arm + surface_bend[lead] * (depth * depth)
         mirror_velocity[w] = mirror
 
     return wall_values

@@ -45,7 +45,7 @@ def make_diffusion(spec: Spec) -> tuple[Any, Any, Any]:
     """Return the kernels (fill the matrix, right-hand side r, u* from the solution w) of one component.
 
     Rows are multiplied by V_i over the volume of a wall particle, so that the matrix is symmetric. The image of a neighbour
-    carries w_j, reversed where friction reverses its velocity; wall particles of no-slip obstacles carry -w_i.
+    carries w_j, reversed where friction reverses its velocity; wall particles of no-slip bodies carry -w_i.
     """
     real, vec, _, _ = types_of(spec)
     Params = make_params(spec.dimension, spec.precision)

@@ -11,6 +11,7 @@ from warpsph.kernels.core.pair import WRAPPED, list_access, make_entry
 from warpsph.kernels.core.params import make_params, make_phase
 from warpsph.kernels.core.smoothing import make_smoothing
 from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, types_of
+from warpsph.kernels.core.time_signals import GRAVITY_NEXT, make_forcing
 from warpsph.kernels.core.weights import make_weights
 
 from .surface import INSIDE
@@ -38,6 +39,7 @@ def make_assemble(spec: Spec) -> Any:
     list_begin, list_step, neighbour, Listed = list_access(spec)
     row_begin, row_stride, _, Columns, put_column = make_entry(spec.row_list, spec.wide_list)
     _, _, _, Values, put_value = make_entry(spec.row_list, spec.wide_list, real)
+    gravity_of, _ = make_forcing(spec)
     time_weights = make_weights(spec.second_order)
     periodic = any(spec.periodic)
     dimension = float(spec.dimension)
@@ -57,6 +59,7 @@ def make_assemble(spec: Spec) -> Any:
         sides: Sides,
         phases: wp.array(dtype=Phase),
         clock: wp.array(dtype=wp.float64),
+        forcing: wp.array(dtype=vec),
         neighbours: Listed,
         fluid_neighbours: wp.array(dtype=wp.int16),
         wall_neighbours: wp.array(dtype=wp.int16),
@@ -65,6 +68,7 @@ def make_assemble(spec: Spec) -> Any:
         position: wp.array(dtype=vec),
         velocity: wp.array(dtype=vec),
         velocity_ahead: wp.array(dtype=vec),
+        wall_acceleration: wp.array(dtype=vec),
         velocity_star: wp.array(dtype=vec),
         rest_volume: wp.array(dtype=real),
         boundary_volume: wp.array(dtype=real),
@@ -93,6 +97,7 @@ def make_assemble(spec: Spec) -> Any:
                 unknown[i] = real(0.0)
                 source[i] = real(0.0)
                 return
+        wall_first = particle_count - wall_acceleration.shape[0]
         xi = position[i]
         vi = velocity_star[i]
         wrapped = bool(False)
@@ -104,7 +109,7 @@ def make_assemble(spec: Spec) -> Any:
         weights = time_weights(clock)
         beta = weights[2] * clock[STEP]
         # what gravity adds to u*: the pressure of images and walls balances it, so that it is not mirrored
-        falling = params.gravity * real(beta)
+        falling = gravity_of(params, forcing, GRAVITY_NEXT) * real(beta)
         if wp.static(spec.bodies):
             # the share of the last pressure that stays, of its gradient in u* and of its Laplacian in the equation
             number = real(VISCOUS_RATE) * real(beta) * phases[0].viscosity / (rho * params.h * params.h)
@@ -150,9 +155,9 @@ def make_assemble(spec: Spec) -> Any:
                     vj = image_velocity(vj - falling, code, sides) + falling
                     if wp.static(spec.gravity):
                         if wp.static(spec.bodies):
-                            right += new * w * rho * wp.dot(params.gravity, lift(xj, code, sides))
+                            right += new * w * rho * wp.dot(gravity_of(params, forcing, GRAVITY_NEXT), lift(xj, code, sides))
                         else:
-                            right += w * rho * wp.dot(params.gravity, lift(xj, code, sides))
+                            right += w * rho * wp.dot(gravity_of(params, forcing, GRAVITY_NEXT), lift(xj, code, sides))
             flow += wp.outer(vj - vi, f * d)
             uneven += w * d
             known = bool(False)
@@ -174,7 +179,7 @@ def make_assemble(spec: Spec) -> Any:
             if wp.static(spec.bodies):
                 wall_first = particle_count - boundary_volume.shape[0]
                 lasting = lasting_gradient[i]
-                known = kept + new * deferred
+                shared = kept + new * deferred
                 ahead = velocity_ahead[i]
                 added = (velocity_star[i] - ahead) * (rho / real(beta))
             full = full and wall_neighbours[i] == wp.int16(0)
@@ -189,15 +194,21 @@ def make_assemble(spec: Spec) -> Any:
                     f = slope(wp.sqrt(wp.dot(d, d)) * params.inv_h) * boundary_volume[b]
                     # the velocity continued; what the step adds to it is that of this particle, reversed across the wall
                     flow += wp.outer(mirror_velocity[b] - ahead, f * d)
-                    right += weight * f * wp.dot(known * lasting - added, n) * wp.dot(d, n)
+                    right += weight * f * wp.dot(shared * lasting - added, n) * wp.dot(d, n)
                     continue
                 f = slope(wp.sqrt(wp.dot(d, d)) * params.inv_h) * params.wall_volume
                 w = weight * f
                 # an image of this particle: velocity mirrored at that of the wall, pressure in balance with the weight
-                flow += wp.outer(real(2.0) * (velocity[j] + falling - vi), f * d)
                 uneven += w * d
-                if wp.static(spec.gravity):
-                    right -= w * rho * wp.dot(params.gravity, d)
+                if wp.static(spec.moving):
+                    # what pressure balances at a wall that accelerates
+                    borne = gravity_of(params, forcing, GRAVITY_NEXT) - wall_acceleration[j - wall_first]
+                    flow += wp.outer(real(2.0) * (velocity[j] + borne * real(beta) - vi), f * d)
+                    right -= w * rho * wp.dot(borne, d)
+                else:
+                    flow += wp.outer(real(2.0) * (velocity[j] + falling - vi), f * d)
+                    if wp.static(spec.gravity):
+                        right -= w * rho * wp.dot(gravity_of(params, forcing, GRAVITY_NEXT), d)
         divergence = wp.trace(flow * correction[i]) * params.g_norm
         wanted = real(0.0)
         if full:
@@ -282,6 +293,7 @@ def make_correct(spec: Spec) -> Any:
     images = make_images(spec)
     apart, lift = images.apart, images.lift
     list_begin, list_step, neighbour, Listed = list_access(spec)
+    gravity_of, body_force_of = make_forcing(spec)
     time_weights = make_weights(spec.second_order)
     periodic = any(spec.periodic)
     image_bit = code_shift(spec.dimension)
@@ -298,6 +310,7 @@ def make_correct(spec: Spec) -> Any:
         sides: Sides,
         phases: wp.array(dtype=Phase),
         clock: wp.array(dtype=wp.float64),
+        forcing: wp.array(dtype=vec),
         neighbours: Listed,
         fluid_neighbours: wp.array(dtype=wp.int16),
         wall_neighbours: wp.array(dtype=wp.int16),
@@ -313,6 +326,7 @@ def make_correct(spec: Spec) -> Any:
         velocity_ahead: wp.array(dtype=vec),
         velocity_star: wp.array(dtype=vec),
         velocity: wp.array(dtype=vec),
+        wall_acceleration: wp.array(dtype=vec),
         velocity_old: wp.array(dtype=vec),
         pressure_gradient: wp.array(dtype=vec),
         lasting_gradient: wp.array(dtype=vec),
@@ -323,6 +337,7 @@ def make_correct(spec: Spec) -> Any:
         maxima: wp.array(dtype=real),
     ):
         i = wp.tid() + first
+        wall_first = particle_count - wall_acceleration.shape[0]
         xi = position[i]
         p_i = pressure[i]
         rho = phases[0].density
@@ -348,7 +363,7 @@ def make_correct(spec: Spec) -> Any:
             p_j = pressure[j]
             if wp.static(spec.mirror and spec.gravity):
                 if code != 0:
-                    p_j += rho * wp.dot(params.gravity, lift(xj, code, sides))
+                    p_j += rho * wp.dot(gravity_of(params, forcing, GRAVITY_NEXT), lift(xj, code, sides))
             f = slope(wp.sqrt(wp.dot(d, d)) * params.inv_h) * rest_volume[j]
             total += (f * (p_j + sign * p_i)) * d
         shut = mat()
@@ -356,7 +371,7 @@ def make_correct(spec: Spec) -> Any:
         added = vec()
         if wp.static(spec.bodies):
             # what the pressure has to balance: at the start, when no step has been made, the forces
-            added = (params.gravity + params.body_force) * rho
+            added = (gravity_of(params, forcing, GRAVITY_NEXT) + body_force_of(params, forcing)) * rho
             weights = time_weights(clock)
             reach = real(weights[2] * clock[STEP])
             if reach > real(0.0):
@@ -391,8 +406,11 @@ def make_correct(spec: Spec) -> Any:
                     off_wall = d / r
                     wall_speed = velocity[j]
                 p_j = p_i
-                if wp.static(spec.gravity):
-                    p_j -= rho * wp.dot(params.gravity, d)
+                if wp.static(spec.moving):
+                    borne = gravity_of(params, forcing, GRAVITY_NEXT) - wall_acceleration[j - wall_first]
+                    p_j -= rho * wp.dot(borne, d)
+                elif wp.static(spec.gravity):
+                    p_j -= rho * wp.dot(gravity_of(params, forcing, GRAVITY_NEXT), d)
                 f = slope(wp.sqrt(wp.dot(d, d)) * params.inv_h) * params.wall_volume
                 total += (f * (p_j + sign * p_i)) * d
         gradient = total * params.g_norm
@@ -418,7 +436,7 @@ def make_correct(spec: Spec) -> Any:
         old = velocity[i]
         new = velocity_star[i] - gradient * (real(time_weights(clock)[2] * clock[STEP]) / rho)
         if wp.static(spec.walls and spec.free_surface and not spec.bodies):
-            # a particle of the surface has no pressure that would keep it off an obstacle
+            # a particle of the surface has no pressure that would keep it off a body
             if surface[i] != wp.uint8(INSIDE):
                 new -= off_wall * wp.min(wp.dot(new - wall_speed, off_wall), real(0.0))
         velocity_old[i] = old

@@ -41,6 +41,7 @@ from warpsph.kernels.core.pair import WRAPPED, list_access
 from warpsph.kernels.core.params import make_params, make_phase
 from warpsph.kernels.core.smoothing import make_smoothing
 from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, types_of
+from warpsph.kernels.core.time_signals import GRAVITY_NEXT, make_forcing
 from warpsph.kernels.core.viscosity import make_viscosity
 from warpsph.kernels.core.weights import make_weights
 
@@ -138,6 +139,7 @@ def make_predict(spec: Spec) -> Any:
     images = make_images(spec)
     apart, friction_velocity = images.apart, images.friction_velocity
     list_begin, list_step, neighbour, Listed = list_access(spec)
+    gravity_of, body_force_of = make_forcing(spec)
     viscous = spec.viscosity != "none"
     viscous_term = make_viscosity(spec.viscosity if viscous else "morris", spec.dimension, spec.precision)
     time_weights = make_weights(spec.second_order)
@@ -157,6 +159,7 @@ def make_predict(spec: Spec) -> Any:
         sides: Sides,
         phases: wp.array(dtype=Phase),
         clock: wp.array(dtype=wp.float64),
+        forcing: wp.array(dtype=vec),
         neighbours: Listed,
         fluid_neighbours: wp.array(dtype=wp.int16),
         wall_neighbours: wp.array(dtype=wp.int16),
@@ -269,7 +272,7 @@ def make_predict(spec: Spec) -> Any:
         if length * params.g_norm * params.h > real(1.0e-6):
             normal = outward * (real(-1.0) / length)
         surface_normal[i] = normal
-        a = params.gravity + params.body_force
+        a = gravity_of(params, forcing, GRAVITY_NEXT) + body_force_of(params, forcing)
         if wp.static(spec.central_force):
             a -= params.pull * (xi - params.center)
         if wp.static(viscous):

@@ -10,10 +10,12 @@ import warp as wp
 
 from warpsph.kernels.core.clock import STEP
 from warpsph.kernels.core.eos import make_eos
+from warpsph.kernels.core.fields import FLUID
 from warpsph.kernels.core.pair import NEAR, WRAPPED, list_access, separation_of
 from warpsph.kernels.core.params import make_params, make_phase
 from warpsph.kernels.core.smoothing import make_smoothing
 from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, types_of
+from warpsph.kernels.core.time_signals import GRAVITY_NOW, make_forcing
 
 from .star import make_jump, make_star
 
@@ -62,6 +64,7 @@ def make_continuity(spec: Spec) -> Any:
     list_begin, list_step, neighbour, Listed = list_access(spec)
     star_velocity, _ = make_star(spec.precision, spec.paper_star)
     laplace_jump = make_jump(spec.precision)
+    gravity_of, _ = make_forcing(spec)
     periodic = any(spec.periodic)
     jumps = spec.tension == "pressure_jump"
     spray = spec.free_surface and not spec.multiphase
@@ -79,6 +82,7 @@ def make_continuity(spec: Spec) -> Any:
         phases: wp.array(dtype=Phase),
         tension: wp.array(dtype=real),
         clock: wp.array(dtype=wp.float64),
+        forcing: wp.array(dtype=vec),
         velocity_gradient: wp.array(dtype=mat),
         neighbours: Listed,
         fluid_neighbours: wp.array(dtype=wp.int16),
@@ -97,8 +101,12 @@ def make_continuity(spec: Spec) -> Any:
         interface_weight: wp.array(dtype=real),
         density_excess: wp.array(dtype=real),
         state: wp.array(dtype=pair),
+        zone: wp.array(dtype=wp.int8),
     ):
         i = wp.tid() + first
+        if wp.static(spec.open_axis >= 0):
+            if int(zone[i]) != FLUID:
+                return
         xi = midway[i]
         vi = velocity[i]
         p_i = state_old[i][0]
@@ -136,7 +144,7 @@ def make_continuity(spec: Spec) -> Any:
         if wp.static(linear):
             slope_i = pressure_gradient[i]
         elif wp.static(spec.gravity):
-            slope_i = own.density * params.gravity
+            slope_i = own.density * gravity_of(params, forcing, GRAVITY_NOW)
         crowd = real(0.0)  # -sum F V r^2: the dimension inside a fluid, about half of it on a free surface
         k = list_begin(i, list_width)
         step = list_step(particle_count)
@@ -159,7 +167,7 @@ def make_continuity(spec: Spec) -> Any:
                     other_phase = int(phase[j])
                     if other_phase == own_phase:
                         if wp.static(spec.gravity):
-                            dp -= own.density * wp.dot(params.gravity, d)
+                            dp -= own.density * wp.dot(gravity_of(params, forcing, GRAVITY_NOW), d)
                         term = wp.dot(vi - velocity[j], d)
                         if wp.static(spec.dissipation):
                             term += dp * r * inv_z
@@ -169,7 +177,8 @@ def make_continuity(spec: Spec) -> Any:
                     else:
                         other = phases[other_phase]
                         if wp.static(spec.gravity):
-                            dp -= real(0.5) * (own.density + other.density) * wp.dot(params.gravity, d)
+                            g = gravity_of(params, forcing, GRAVITY_NOW)
+                            dp -= real(0.5) * (own.density + other.density) * wp.dot(g, d)
                         if wp.static(jumps):
                             sigma = tension[own_phase * phases.shape[0] + other_phase]
                             dp -= laplace_jump(sigma, kappa_i, curvature[j], w_i, interface_weight[j])
@@ -205,7 +214,7 @@ def make_continuity(spec: Spec) -> Any:
                 if wp.static(linear):
                     dp -= real(0.5) * wp.dot(slope_i + pressure_gradient[j], d)
                 elif wp.static(spec.gravity):
-                    dp -= own.density * wp.dot(params.gravity, d)
+                    dp -= own.density * wp.dot(gravity_of(params, forcing, GRAVITY_NOW), d)
                 term += dp * r * inv_z
             rate += f * term
             if wp.static(linear):

@@ -3,7 +3,8 @@
 The corrected gradient and the pressure jump conserve momentum on the whole, not pair by pair; without walls nothing else
 fixes the velocity of the box, and what is left would add up:
     dv = (P - sum m v) / sum m,   P = P_0 + M (g + b) t
-is added to every particle. A shift of all velocities changes no difference between two of them.
+is added to every particle; where g or b depends on time (g + b) t is their integral. A shift of all velocities changes no
+difference between two of them.
 """
 
 import functools
@@ -81,6 +82,7 @@ def make_drift(spec: Spec) -> tuple[Any, Any, Any]:
     def close_momentum(
         params: Params,
         clock: wp.array(dtype=wp.float64),
+        impulse: wp.array(dtype=wp.float64),
         momentum_folds: wp.array(dtype=wp.vec4d),
     ):
         total = wp.vec4d()
@@ -89,7 +91,10 @@ def make_drift(spec: Spec) -> tuple[Any, Any, Any]:
         # the velocities are those of the middle of the step
         time = clock[TIME] + wp.float64(0.5) * clock[STEP]
         for axis in range(wp.static(dimension)):
-            drive = wp.float64(params.gravity[axis]) + wp.float64(params.body_force[axis])
-            clock[DRIFT_VELOCITY + axis] = clock[MOMENTUM + axis] + drive * time - total[axis] / total[3]
+            if wp.static(spec.varying_force):
+                clock[DRIFT_VELOCITY + axis] = clock[MOMENTUM + axis] + impulse[axis] - total[axis] / total[3]
+            else:
+                drive = wp.float64(params.gravity[axis]) + wp.float64(params.body_force[axis])
+                clock[DRIFT_VELOCITY + axis] = clock[MOMENTUM + axis] + drive * time - total[axis] / total[3]
 
     return sum_momentum, fold_momentum, close_momentum

@@ -13,6 +13,7 @@ from typing import Any
 import warp as wp
 
 from warpsph.kernels.core.clock import DRIFT_VELOCITY, EXCESS_PRESSURE, LAST_STEP, MAXIMA, RUNAWAY, STEP
+from warpsph.kernels.core.fields import FLUID, NOBODY
 from warpsph.kernels.core.params import LEAST_DENSITY, make_phase
 from warpsph.kernels.core.spec import Spec, types_of
 
@@ -43,14 +44,25 @@ def make_kick_drift(spec: Spec) -> Any:
         state_old: wp.array(dtype=pair),
         maxima: wp.array(dtype=real),
         faults: wp.array(dtype=int),
+        zone: wp.array(dtype=wp.int8),
+        row_speed: wp.array(dtype=real),
     ):
         i = wp.tid() + first
+        if wp.static(spec.open_axis >= 0):
+            if int(zone[i]) == NOBODY:
+                return
         v = velocity[i] + acceleration[i] * real(wp.float64(0.5) * (clock[STEP] + clock[LAST_STEP]))
         if wp.static(spec.momentum_constraint):
             for axis in range(wp.static(spec.dimension)):
                 v[axis] += real(clock[DRIFT_VELOCITY + axis])
         v_step = v
-        way = offset[i] + v * real(clock[STEP])
+        drift = v
+        if wp.static(spec.open_axis >= 0):
+            if int(zone[i]) != FLUID:
+                # a buffer moves across its side alone, so that its rows stay whole
+                drift = vec()
+                drift[wp.static(max(spec.open_axis, 0))] = row_speed[i]
+        way = offset[i] + drift * real(clock[STEP])
         if wp.static(spec.shifting):
             way += shift[i]
             v += carried[i]

@@ -1,7 +1,8 @@
 """Force of the fluid on each wall particle, when a gauge asks for it.
 
 The pair force of the conservative gradient, F = V_f V_w (p_f + p_w) grad_f W, and friction, both with the opposite
-sign of what the fluid particle feels.
+sign of what the fluid particle feels. With bodies friction is kept apart too; with the corrected gradient, which has no pair
+forces, their load is the integral over the surface (`kernels/core/surface_load.py`).
 """
 
 import functools
@@ -13,6 +14,7 @@ from warpsph.kernels.core.pair import list_access, separation_of
 from warpsph.kernels.core.params import make_params, make_phase
 from warpsph.kernels.core.smoothing import make_smoothing
 from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, types_of
+from warpsph.kernels.core.time_signals import GRAVITY_NOW, make_forcing
 from warpsph.kernels.core.viscosity import make_viscosity
 
 
@@ -25,6 +27,7 @@ def make_load(spec: Spec) -> Any:
     _, slope = make_smoothing(spec.kernel, spec.precision)
     separation = separation_of(spec)
     list_begin, list_step, neighbour, Listed = list_access(spec)
+    gravity_of, _ = make_forcing(spec)
     form = spec.viscosity if spec.viscosity != "none" else "morris"
     viscous_term = make_viscosity(form, spec.dimension, spec.precision)
 
@@ -36,6 +39,7 @@ def make_load(spec: Spec) -> Any:
         list_width: int,
         params: Params,
         phases: wp.array(dtype=Phase),
+        forcing: wp.array(dtype=vec),
         neighbours: Listed,
         fluid_neighbours: wp.array(dtype=wp.int16),
         phase: wp.array(dtype=wp.int8),
@@ -47,12 +51,17 @@ def make_load(spec: Spec) -> Any:
         slip: wp.array(dtype=wp.uint8),
         wall_impact: wp.array(dtype=real),
         load: wp.array(dtype=vec),
+        friction: wp.array(dtype=vec),
     ):
         w = wp.tid() + first
         i = w + fluid_count
         xi = position[i]
         p_w = state[i][0]
         force = vec()
+        rubbed = vec()
+        wall_volume = params.wall_volume
+        if wp.static(spec.bodies):
+            wall_volume = state[i][1]
         k = list_begin(i, list_width)
         step = list_step(particle_count)
         end = k + int(fluid_neighbours[i]) * step
@@ -64,18 +73,25 @@ def make_load(spec: Spec) -> Any:
             state_j = state[j]
             own = int(0)
             if wp.static(spec.multiphase):
-                # as in the momentum sweep: each fluid meets the wall with its own one-sided state
                 own = int(phase[j])
+            if wp.static(spec.multiphase and not spec.bodies):
+                # as in the momentum sweep: each fluid meets the wall with its own one-sided state
                 p_w = state_j[0]
                 if wp.static(spec.gravity):
-                    p_w -= phases[own].density * rest_volume[j] / state_j[1] * wp.dot(params.gravity, d)
-            f = slope(wp.sqrt(r2) * params.inv_h) * state_j[1] * params.wall_volume * params.g_norm
+                    g = gravity_of(params, forcing, GRAVITY_NOW)
+                    p_w -= phases[own].density * rest_volume[j] / state_j[1] * wp.dot(g, d)
+            f = slope(wp.sqrt(r2) * params.inv_h) * state_j[1] * wall_volume * params.g_norm
             force += ((state_j[0] + p_w + wall_impact[j]) * f) * d
             if wp.static(spec.wall_no_slip):
                 if slip[w] == wp.uint8(0):
-                    force -= (phases[own].viscosity * f) * viscous_term(
+                    drag = (phases[own].viscosity * f) * viscous_term(
                         velocity[j] - mirror_velocity[w], d, r2 + params.tiny, params.inv_h
                     )
+                    force -= drag
+                    if wp.static(spec.bodies):
+                        rubbed -= drag
         load[w] = force
+        if wp.static(spec.bodies):
+            friction[w] = rubbed
 
     return wall_load

@@ -27,10 +27,12 @@ from typing import Any
 import warp as wp
 
 from warpsph.kernels.core.clock import MAXIMA, STEP
+from warpsph.kernels.core.fields import FLUID
 from warpsph.kernels.core.pair import BAND, NEAR, WRAPPED, list_access, separation_of
 from warpsph.kernels.core.params import make_params, make_phase
 from warpsph.kernels.core.smoothing import make_smoothing
 from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, types_of
+from warpsph.kernels.core.time_signals import GRAVITY_NEXT, make_forcing
 from warpsph.kernels.core.viscosity import make_viscosity
 
 from .star import make_jump, make_one_sided, make_star
@@ -53,6 +55,7 @@ def make_momentum(spec: Spec) -> Any:
     alone_at_wall, wall_reaction = make_one_sided(spec.dimension, spec.precision)
     viscous = spec.viscosity != "none"
     viscous_term = make_viscosity(spec.viscosity if viscous else "morris", spec.dimension, spec.precision)
+    gravity_of, body_force_of = make_forcing(spec)
     periodic = any(spec.periodic)
     jumps = spec.tension == "pressure_jump"
     body_tension = spec.tension == "body_force"
@@ -78,6 +81,7 @@ def make_momentum(spec: Spec) -> Any:
         phases: wp.array(dtype=Phase),
         tension: wp.array(dtype=real),
         clock: wp.array(dtype=wp.float64),
+        forcing: wp.array(dtype=vec),
         neighbours: Listed,
         fluid_neighbours: wp.array(dtype=wp.int16),
         wall_neighbours: wp.array(dtype=wp.int16),
@@ -104,8 +108,17 @@ def make_momentum(spec: Spec) -> Any:
         velocity_gradient: wp.array(dtype=mat),
         pressure_gradient: wp.array(dtype=vec),
         maxima: wp.array(dtype=real),
+        zone: wp.array(dtype=wp.int8),
     ):
         i = wp.tid() + first
+        if wp.static(spec.open_axis >= 0):
+            if int(zone[i]) != FLUID:
+                # nothing pushes a buffer: `open_flow` says how it moves
+                acceleration[i] = vec()
+                if wp.static(spec.shifting):
+                    shift[i] = vec()
+                    carried[i] = vec()
+                return
         xi = position[i]
         vi = velocity[i]
         state_i = state[i]
@@ -137,7 +150,7 @@ def make_momentum(spec: Spec) -> Any:
         face_gap = vec(params.spacing)  # clearance along each axis to the wall cell straight ahead [m]
         face_side = vec()  # whether that cell is above (1) or below (-1)
         face_speed = vec()  # speed of that cell along the axis [m/s]
-        face_foot2 = vec(real(4.0) * params.h * params.h)  # bodies: square of the distance to the foot on that face [m^2]
+        face_foot2 = vec(params.spacing * params.spacing)  # bodies: square of the distance to the foot on that face [m^2]
         face_normal = mat()  # bodies: in each row the normal there, into the fluid
         nearest2 = real(4.0) * params.h * params.h  # bodies: the same for the nearest of all
         touch = vec()  # share of what drives the particle along each axis that such a cell takes up
@@ -270,7 +283,8 @@ def make_momentum(spec: Spec) -> Any:
                                 face_side[axis] = -wp.sign(d[axis])
                                 face_speed[axis] = velocity[j][axis]
                 if wp.static(spec.bodies):
-                    # the surface as the plane at the nearest foot: one for each axis that a normal may lie nearest to
+                    # the surface as the plane at the nearest foot: one for each axis that a normal may lie nearest to. A
+                    # foot that is farther than a spacing is not that of a plane which the particle is about to touch.
                     w = j - fluid_count
                     n_w = wall_normal[w]
                     clear = wp.dot(d, n_w) - wall_depth[w]
@@ -294,7 +308,7 @@ def make_momentum(spec: Spec) -> Any:
                     # line, the wall would pull the light one with the weight of the heavy one
                     p_wall = p_i
                     if wp.static(spec.gravity):
-                        p_wall -= rho_i * wp.dot(params.gravity, d)
+                        p_wall -= rho_i * wp.dot(gravity_of(params, forcing, GRAVITY_NEXT), d)
                 if wp.static(spec.corrected):
                     moment -= wp.outer(d, fd)
                     own_sum += (p_wall - p_i) * fd
@@ -382,9 +396,9 @@ def make_momentum(spec: Spec) -> Any:
             if band:
                 a += normal[i] * (tension[own_phase * phases.shape[0] + own_phase] * curvature[i] / rho_i)
         if wp.static(spec.gravity):
-            a += params.gravity
+            a += gravity_of(params, forcing, GRAVITY_NEXT)
         if wp.static(spec.body_force):
-            a += params.body_force
+            a += body_force_of(params, forcing)
         if wp.static(spec.central_force):
             a -= params.pull * (xi - params.center)
         if wp.static(spec.walls):

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+
 from warpsph.case.case import Case
 from warpsph.running.model import Model
 

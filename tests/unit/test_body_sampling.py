@@ -8,8 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial import cKDTree
 
-from warpsph.scene.airfoils import airfoil, naca_4
-from warpsph.scene.body_sampling import sample
+from warpsph.scene.body_sampling import layers_of, sample
 from warpsph.scene.surfaces import Ball, Hollow, Outline, box_surface
 
 DX = 0.05
@@ -38,7 +37,7 @@ def bodies():
         "hollow circle": Hollow(Ball((0.02, 0.0), 0.5)),
         "polygon": Outline.of_corners(corners),
         "hollow polygon": Hollow(Outline.of_corners(corners)),
-        "thick airfoil": airfoil(naca_4("0030"), 2.0, 8.0),
+        "ellipse": Outline.of_corners([(0.7 * math.cos(a), 0.3 * math.sin(a)) for a in np.linspace(0, 2 * math.pi, 400)]),
     }
 
 
@@ -99,8 +98,9 @@ def test_feet_normals_and_leaders(name):
     assert found.position + found.depth[:, None] * found.normal == pytest.approx(found.foot, abs=1e-9)
     assert (found.depth > 0).all()
     first = found.layer == 0
-    assert set(found.leader) <= set(np.flatnonzero(first))
-    assert np.array_equal(found.leader[first], np.flatnonzero(first))
+    leads = np.flatnonzero(found.area > 0)
+    assert set(found.leader) == set(leads) <= set(np.flatnonzero(first))
+    assert np.array_equal(found.leader[leads], leads)
     apart = np.linalg.norm(found.position[found.leader] - found.foot, axis=1)
     assert apart.max() < 2.0 * DX
     assert (found.area[~first] == 0).all()
@@ -127,10 +127,10 @@ def test_a_full_body_has_its_volume(radii, turn, cells):
     angle = turn + np.arange(len(radii)) * (2 * math.pi / len(radii))
     surface = Outline.of_corners(np.stack([np.cos(angle), np.sin(angle)], axis=1) * np.array(radii)[:, None])
     dx = 1.0 / cells
-    found = sample(surface, dx, 60)
+    found = layers_of(surface, dx, 60)
     assert found.volume.sum() == pytest.approx(surface.measure, rel=1e-9)
     assert (found.volume > 0).all()
-    if found.count > 1:
+    if len(found.position) > 1:
         assert nearest(found.position).min() > 0.6 * dx * (1 - 1e-6)
     assert surface.signed_distance(found.position).max() < 0
 
@@ -174,6 +174,15 @@ def test_a_mesh_that_its_layers_fill_has_its_volume():
     cube = Mesh(pv.Cube(x_length=0.6, y_length=0.5, z_length=0.4).triangulate())
     found = sample(cube, 0.1, 9)
     assert found.volume.sum() == pytest.approx(0.12, rel=1e-6)
+
+
+def test_a_particle_in_the_corner_of_a_tank_is_led_by_one_at_its_sides():
+    """No part of the surface is nearest to it, so that nothing is fitted before it."""
+    found = sample(Hollow(box_surface((0, 0), (0.5, 0.4))), 0.1, 2)
+    corner = np.flatnonzero((found.layer == 0) & (found.area == 0))
+    assert len(corner) == 4
+    assert (found.area[found.leader] > 0).all()
+    assert np.linalg.norm(found.foot[found.leader[corner]] - found.foot[corner], axis=1) == pytest.approx(0.05)
 
 
 def test_only_what_is_between_the_corners_is_kept():

@@ -32,8 +32,8 @@ fluids:
   - {phase: oil, shape: {sphere: {center: [1, 0.5], radius: 0.2}}}
   - {phase: oil, shape: {where: {condition: "x < 0.2 and y > 0.5"}}}
   - {phase: water, shape: rest}
-obstacles:
-  - {shape: {box: {lower: [1.5, 0.1], upper: [1.7, 0.3]}}, wall: no_slip, velocity: [0, 0], name: block}
+bodies:
+  block: {shape: {box: {lower: [1.5, 0.1], upper: [1.7, 0.3]}}, hollow: false, wall: no_slip}
 start: {noise: 0.1, seed: 3, velocity: ["sin(pi*y)", 0], pressure: none}
 scales: {velocity: 1, length: auto, pressure: auto}
 numerics: {formulation: improved, kernel: quintic, smoothing_ratio: 1.2, courant: 0.4, maximum_step: none}
@@ -146,7 +146,7 @@ HAND_MADE = [
         "surface_tension.1.between",
     ),
     ("surface_tension:\n  - ", "surface_tension:\n    ", "surface_tension"),
-    # fluids and obstacles
+    # fluids and bodies
     ("{phase: oil, shape: {sphere", "{phase: oli, shape: {sphere", "fluids.0.phase"),
     ("{phase: oil, shape: {sphere", "{shape: {sphere", "fluids.0.phase"),
     ("{phase: oil, shape: {sphere", "{phase: [oil], shape: {sphere", "fluids.0.phase"),
@@ -169,13 +169,13 @@ HAND_MADE = [
     ("shape: rest}", "shape: {rest: }}", "fluids.2.shape"),
     ("shape: rest}", "shape: box}", "fluids.2.shape"),
     ("shape: rest}", "shape: rest}\n  - {phase: oil, shape: rest}", "fluids.2.shape"),
-    ("box: {lower: [1.5, 0.1]", "box: {lower: [1.8, 0.1]", "obstacles.0.shape.box.upper"),
-    ("box: {lower: [1.5, 0.1]", "box: {lower: [1.5]", "obstacles.0.shape.box.lower"),
-    ("shape: {box: {lower: [1.5, 0.1], upper: [1.7, 0.3]}}", "shape: rest", "obstacles.0.shape"),
-    ("shape: {box: {lower: [1.5, 0.1], upper: [1.7, 0.3]}}", "shape: {box: }", "obstacles.0.shape"),
-    ("wall: no_slip, velocity: [0, 0]", "wall: slippery, velocity: [0, 0]", "obstacles.0.wall"),
-    ("wall: no_slip, velocity: [0, 0]", "wall: no_slip, velocity: [0]", "obstacles.0.velocity"),
-    ("name: block", "name: my block", "obstacles.0.name"),
+    ("box: {lower: [1.5, 0.1]", "box: {lower: [1.8, 0.1]", "bodies.block.shape.box.upper"),
+    ("box: {lower: [1.5, 0.1]", "box: {lower: [1.5]", "bodies.block.shape.box.lower"),
+    ("shape: {box: {lower: [1.5, 0.1], upper: [1.7, 0.3]}}", "shape: rest", "bodies.block.shape"),
+    ("shape: {box: {lower: [1.5, 0.1], upper: [1.7, 0.3]}}", "shape: {box: }", "bodies.block.shape"),
+    ("wall: no_slip}", "wall: slippery}", "bodies.block.wall"),
+    ("hollow: false", "hollow: maybe", "bodies.block.hollow"),
+    ("block: {", "my block: {", "bodies.my block"),
     # start, scales, numerics
     ("noise: 0.1", "noise: 0.5", "start.noise"),
     ("noise: 0.1", "niose: 0.1", "start.niose"),
@@ -422,7 +422,8 @@ def test_wrong_values_everywhere(folder: Path):
 def test_misspelt_keys(folder: Path):
     valid = read_yaml(VALID)
     # Names that the user chooses can be spelt in any way, if they are used nowhere else.
-    free = {("gauges", "load"), ("gauges", "probe")} | {("reference", name) for name in valid["reference"]}
+    free = {("gauges", "load"), ("gauges", "probe"), ("bodies", "block")}
+    free |= {("reference", name) for name in valid["reference"]}
     count = 0
     for path in list(places(valid)):
         key = path[-1]
@@ -464,7 +465,7 @@ def test_truncated_text(folder: Path):
     """A file that ends early, at every 7th byte."""
     accepted = [end for end in range(0, len(VALID), 7) if refused(folder, VALID[:end]) is None]
     # Only what ends after the last required section can be a case.
-    assert all(end > VALID.index("obstacles:") for end in accepted)
+    assert all(end > VALID.index("bodies:") for end in accepted)
 
 
 def test_damaged_text(folder: Path):

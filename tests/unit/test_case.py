@@ -56,9 +56,8 @@ fluids:
   - {phase: gas, shape: {polygon: {points: [[-0.9, -0.9], [-0.8, -0.9], [-0.8, -0.8]]}}}
   - {phase: gas, shape: {where: {condition: "y > 0.8 + 0.05*sin(2*pi*x)"}}}
   - {phase: liquid, shape: rest}
-obstacles:
-  - {shape: {sphere: {center: [0.7, -0.7], radius: 0.1}}, wall: free_slip, velocity: [0, 0.1], name: block}
 bodies:
+  block: {shape: {sphere: {center: [0.7, -0.7], radius: 0.1}}, wall: free_slip}
   pin: {shape: {sphere: {center: [0.7, 0.7], radius: 0.1}}, wall: no_slip}
 start:
   noise: 0.1
@@ -145,7 +144,7 @@ def test_full_case_means_what_it_says(full: Case, folder: Path):
     assert [fluid.shape.kind for fluid in full.fluids] == ["box", "polygon", "where", "rest"]
     inside = full.fluids[2].shape.where.condition.evaluate(x=np.zeros(2), y=np.array([0.7, 0.9]))
     assert inside.tolist() == [False, True]
-    assert full.obstacles[0].velocity == (0.0, 0.1)
+    assert full.bodies["block"].wall == "free_slip" and not full.bodies["block"].hollow
     assert [v.evaluate(x=0.0, y=0.25).item() for v in full.start.velocity] == [-1.0, 0.5]
     assert full.start.pressure == "hydrostatic"
     assert full.scales.pressure == 10
@@ -410,13 +409,8 @@ IN_3D = {"dimension": 3, "domain": {"lower": [0, 0, 0], "upper": [1, 1, 1]}}
             "surface_tension.1.between",
             "second time",
         ),
-        ("obstacles.0.shape", "rest", "obstacles.0.shape", "fluids only"),
-        (
-            "obstacles",
-            [{"shape": GOOD_BOX, "name": "a"}, {"shape": GOOD_BOX, "name": "a"}],
-            "obstacles.1.name",
-            "already",
-        ),
+        ("bodies.block.shape", "rest", "bodies.block.shape", "fluids only"),
+        ("obstacles", [{"shape": GOOD_BOX}], "obstacles", "bodies"),
         ("start.noise", 0.31, "start.noise", "<= 0.3"),
         ("start.seed", 1.5, "start.seed", "whole number"),
         ("start.velocity", ["z", 0], "start.velocity.0", "uses z"),
@@ -571,7 +565,7 @@ def test_all_problems_at_once():
     data["gauges"]["probe"]["count"] = 1
     data["start"]["velocity"] = ["np.sin(x)", "z"]
     data["reference"]["l1"]["exact"] = "z"
-    data["obstacles"][0]["shape"] = {"spher": {}}
+    data["bodies"]["block"]["shape"] = {"spher": {}}
     data["output"]["particles"]["fields"] = "velocity"
     del data["end_time"]
     data[5] = 6
@@ -588,7 +582,7 @@ def test_all_problems_at_once():
         "gauges.probe.count",
         "start.velocity.0",
         "reference.l1.exact",
-        "obstacles.0.shape.spher",
+        "bodies.block.shape.spher",
         "output.particles.fields",
         "end_time",
         "5",

@@ -18,12 +18,14 @@ BLOCK = {
         {"phase": "water", "shape": {"box": {"lower": [0, 0, 0], "upper": [1, 1, 0.5]}}},
         {"phase": "oil", "shape": "rest"},
     ],
-    "obstacles": [{"shape": {"sphere": {"center": [0.5, 0.5, 0.5], "radius": 0.2}}}],
+    "bodies": {"ball": {"shape": {"sphere": {"center": [0.5, 0.5, 0.5], "radius": 0.2}}}},
 }
 FIELDS = ["velocity", "pressure", "volume"]
 WHERE = {
+    "elevation": {"places": [[0.1, 0.1], [0.5, 0.1]]},
     "points": {"points": [[0.1] * 3], "fields": FIELDS},
     "line": {"from": [0.1] * 3, "to": [0.9] * 3, "count": 3, "fields": FIELDS},
+    "reattachment": {"from": [0.1] * 3, "to": [0.9] * 3, "count": 3},
 }
 SAMPLED = "x y z velocity_x velocity_y velocity_z pressure volume"
 # type of gauge -> its columns and their units, in 3-D
@@ -39,16 +41,38 @@ EXPECTED = {
     ),
     "strays": ("water|oil", {"1"}),
     "wall_force": (
-        "|".join(f"force_{axis}{body}" for body in ("", " domain", " obstacle_1") for axis in "xyz"), {"N"}
+        "|".join(f"force_{axis}{body}" for body in ("", " domain", " ball") for axis in "xyz"), {"N"}
     ),
+    "elevation": ("surface_1|surface_2", {"m"}),
     "points": (SAMPLED.replace(" ", "|"), {"m", "m/s", "Pa", "m^3"}),
     "line": (SAMPLED.replace(" ", "|"), {"m", "m/s", "Pa", "m^3"}),
+    "flow_rate": (
+        "|".join(f"{name} x_{end}" for end in ("lower", "upper") for name in ("flow", "through", "face_pressure")),
+        {"kg/s", "kg", "Pa"},
+    ),
+    "reattachment": ("separation|reattachment", {"m"}),
+}  # fmt: skip
+
+
+# what a gauge needs of the scene beside that
+SCENE = {
+    "flow_rate": {
+        "domain": {
+            **BLOCK["domain"],
+            "boundary": {
+                "x": {"lower": {"inlet": {"velocity": [1, 0, 0]}}, "upper": {"outlet": {}}}, "y": "wall", "z": "wall"
+            },
+        },
+        "phases": {"water": {"density": 1000}},
+        "fluids": [{"phase": "water", "shape": "rest"}],
+    }
 }  # fmt: skip
 
 
 @pytest.mark.parametrize("kind", EXPECTED)
 def test_the_case_knows_the_columns(kind):
-    case = Case.from_dict({**BLOCK, "gauges": {"g": {"type": kind, "interval": 0.1, **WHERE.get(kind, {})}}})
+    gauge = {"type": kind, "interval": 0.1, **WHERE.get(kind, {})}
+    case = Case.from_dict({**BLOCK, **SCENE.get(kind, {}), "gauges": {"g": gauge}})
     found = columns_of(case.gauges["g"], case)
     assert "|".join(column.name for column in found) == EXPECTED[kind][0]
     assert {column.unit for column in found} == EXPECTED[kind][1]
@@ -58,8 +82,11 @@ def test_the_case_knows_the_columns(kind):
 def test_each_type_of_gauge_has_a_model_columns_and_a_measurement():
     assert set(GAUGES) == set(gauges.GAUGES)
     written = {kind: {"type": kind, "interval": 0.1, **WHERE.get(kind, {})} for kind in GAUGES}
+    written["elevation"] |= {"places": [[0.1]]}
     written["points"] |= {"points": [[0.1] * 2]}
-    written["line"] |= {"from": [0.1] * 2, "to": [0.9] * 2}
+    for kind in ("line", "reattachment"):
+        written[kind] |= {"from": [0.1] * 2, "to": [0.9] * 2}
+    del written["flow_rate"]  # of scenes with inlets
     case = case_of(FULL, gauges=written, reference={})
     for kind, spec in case.gauges.items():
         made = gauges.GAUGES[kind](kind, spec, case)

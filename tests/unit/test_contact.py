@@ -254,10 +254,10 @@ def test_an_angle_needs_a_wall():
     changes = {"surface_tension.0.contact_angle": 60, "domain.boundary": {"x": "periodic", "y": "periodic"}, "gauges": {}}
     with pytest.raises(CaseError, match="angle at a wall, and there is none"):
         case_of(FULL).replace(changes)
-    ball = [{"shape": {"sphere": {"center": [0.5, 0.5], "radius": 0.2}}}]
+    ball = {"ball": {"shape": {"sphere": {"center": [0.5, 0.5], "radius": 0.2}}}}
     layer = {"box": {"lower": [0, 0], "upper": [1, 0.25]}}
     fluids = [{"phase": "liquid", "shape": layer}, {"phase": "gas", "shape": "rest"}]
-    assert case_of(FULL).replace({**changes, "obstacles": ball, "fluids": fluids})
+    assert case_of(FULL).replace({**changes, "bodies": ball, "fluids": fluids})
 
 
 def test_what_is_shown_and_what_runs():

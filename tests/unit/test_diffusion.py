@@ -49,7 +49,7 @@ def size(dimension):
 
 
 def scene(place, dimension, precision="float64", **options):
-    """Return a bench with volumes that differ: periodic, a drop, between walls, in a tank, or at an obstacle."""
+    """Return a bench with volumes that differ: periodic, a drop, between walls, in a tank, or at a body."""
     x = block(dimension)
     options = {"fluids": (WATER,), "lower": 0.0, "upper": size(dimension), "width": 300, **STEP, **options}
     options["spacing"] = SPACING
@@ -77,7 +77,7 @@ def scene(place, dimension, precision="float64", **options):
     return bench
 
 
-PLACES = pytest.mark.parametrize("place", ["periodic", "drop", "channel", "tank", "obstacle"])
+PLACES = pytest.mark.parametrize("place", ["periodic", "drop", "channel", "tank", "body"])
 
 
 def reference(bench, component):
@@ -263,11 +263,11 @@ def test_a_tank_of_honey_is_at_rest(monkeypatch, device):
     np.testing.assert_allclose(state.pressure, pressure * (1 - state.position[:, 1] / 0.8), rtol=0, atol=1e-3 * pressure)
 
 
-# The floor is an obstacle.
+# The floor is a body.
 SLAB = {
     **VORTICES,
     "domain": {**VORTICES["domain"], "boundary": {"x": "periodic", "y": "wall"}},
-    "obstacles": [{"name": "slab", "shape": {"box": {"lower": [0, 0], "upper": [1, 0.25]}}}],
+    "bodies": {"slab": {"shape": {"box": {"lower": [0, 0], "upper": [1, 0.25]}}}},
     "start": {"velocity": ["where(y > 0.25, sin(pi*(y - 0.25)/0.75), 0)", 0]},
 }
 WALLED = {

@@ -240,7 +240,7 @@ def test_threads_do_not_change_it(monkeypatch):
 
 WALLS = {"x": "periodic", "y": "wall"}
 OPEN = {"x": "periodic", "y": "open"}
-OBSTACLE = [{"shape": {"sphere": {"center": [0.5, 0.5], "radius": 0.2}}}]
+PIN = {"pin": {"shape": {"sphere": {"center": [0.5, 0.5], "radius": 0.2}}}}
 
 
 @pytest.mark.parametrize(
@@ -251,7 +251,7 @@ OBSTACLE = [{"shape": {"sphere": {"center": [0.5, 0.5], "radius": 0.2}}}]
         (BOX, {"domain.boundary": WALLS}, False),
         (BOX, {"domain.boundary": OPEN}, False),
         (BOX, {"domain.boundary": OPEN, "numerics.pressure_gradient": "corrected"}, False),
-        (BOX, {"obstacles": OBSTACLE}, False),
+        (BOX, {"bodies": PIN}, False),
         (BOX, {"numerics.pressure_gradient": "conservative"}, False),
         (LEAN, {}, False),
         (FULL, {}, False),

@@ -588,12 +588,12 @@ def test_interface_length():
 
 
 def test_wall_force_of_each_body_and_of_all():
-    obstacles = [
-        {"shape": {"box": {"lower": [0.6, 0.6], "upper": [0.8, 0.8]}}},
-        {"shape": {"box": {"lower": [-0.8, 0.6], "upper": [-0.6, 0.8]}}, "name": "block"},
-    ]
-    case = make_case({"load": {"type": "wall_force", "interval": 0.1}}, obstacles=obstacles)
-    assert wall_bodies(case) == ["domain", "obstacle_1", "block"]
+    bodies = {
+        "step": {"shape": {"box": {"lower": [0.6, 0.6], "upper": [0.8, 0.8]}}},
+        "block": {"shape": {"box": {"lower": [-0.8, 0.6], "upper": [-0.6, 0.8]}}},
+    }
+    case = make_case({"load": {"type": "wall_force", "interval": 0.1}}, bodies=bodies)
+    assert wall_bodies(case) == ["domain", "step", "block"]
     force = {}
     for k, body in enumerate(wall_bodies(case)):
         force |= {f"wall_force_x {body}": 1.0 + k, f"wall_force_y {body}": -10.0 * k}

@@ -301,7 +301,7 @@ def test_leaks_are_counted_by_phase_and_warned_of(tmp_path):
     boundary = {"x": "wall", "y": {"lower": "wall", "upper": "open"}}
     case = closed(
         domain={"lower": [0, 0], "upper": [1, 1], "boundary": boundary},
-        obstacles=[{"shape": {"box": {"lower": [0.4, 0.4], "upper": [0.5, 0.5]}}}],
+        bodies={"block": {"shape": {"box": {"lower": [0.4, 0.4], "upper": [0.5, 0.5]}}}},
         fluids=[{"phase": "water", "shape": {"box": {"lower": [0, 0], "upper": [0.3, 0.3]}}}],
         end_time=1e-4,
     )

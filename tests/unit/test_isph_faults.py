@@ -50,7 +50,7 @@ REFUSED = {
         {"gauges": {"load": {"type": "wall_force", "interval": 0.1}}},
         "gauges.load.type",
         "wall_force",
-        "obstacles alone",
+        "bodies alone",
         "points",
     ),
     "volume constraint": (
@@ -248,11 +248,11 @@ def test_a_narrow_slit(device):
     assert np.isfinite(state.pressure).all() and np.linalg.norm(state.velocity, axis=1).max() < np.sqrt(2 * 9.81 * 0.5)
 
 
-def test_an_obstacle_in_a_tank(device):
+def test_a_body_in_a_tank(device):
     """Its particles bear the fluid beside and above, in balance with the weight: all is at rest."""
     scene = {
         **TANK,
-        "obstacles": [{"shape": {"box": {"lower": [0.3, 0.0], "upper": [0.6, 0.3]}}, "wall": "no_slip"}],
+        "bodies": {"block": {"shape": {"box": {"lower": [0.3, 0.0], "upper": [0.6, 0.3]}}, "wall": "no_slip"}},
         "fluids": [{"phase": "water", "shape": {"where": {"condition": "y < 0.8 and (y > 0.3 or x < 0.3 or x > 0.6)"}}}],
     }
     simulation = start(scene, device=device, end_time=0.3).run()

@@ -38,8 +38,8 @@ CASES = {
     "3-D": case_of(BOX),
     "isph": case_of(TANK, particle_spacing=0.1 / 4),
     "open, 3-D": load_case(ROOT / "cases/dam_break_3d.yaml"),
-    "obstacle": case_of(
-        PERIODIC, obstacles=[{"shape": {"sphere": {"center": [0.5, 0.5], "radius": 0.2}}}], start__velocity=[0, 0]
+    "body": case_of(
+        PERIODIC, bodies={"pin": {"shape": {"sphere": {"center": [0.5, 0.5], "radius": 0.2}}}}, start__velocity=[0, 0]
     ),
 }
 
@@ -49,8 +49,10 @@ def test_the_count_is_that_of_the_geometry(name):
     """Exact where the sample holds every cell."""
     case = CASES[name]
     found, geometry = memory.count(case, support_radius(case)), build(case, support_radius(case))
-    assert (found.fluid, found.walls) == (geometry.fluid_count, geometry.wall_count)
-    assert found.filled == (name in ("periodic", "walls, two phases", "3-D", "obstacle"))
+    assert found.fluid == geometry.fluid_count
+    # boundary particles of bodies are estimated from the surface
+    assert found.walls == (pytest.approx(geometry.wall_count, rel=0.15) if name == "body" else geometry.wall_count)
+    assert found.filled == (name in ("periodic", "walls, two phases", "3-D", "body"))
 
 
 def test_the_count_of_a_finer_scene():

@@ -136,21 +136,23 @@ def test_interface_points_lie_on_the_interface_with_its_normals(center, radius):
     assert between.all() and len(distance) > 10 * radius ** (d - 1)
 
 
-def test_interface_across_a_period_and_at_an_obstacle():
-    """A slab that ends at a periodic side and goes on at the other has no end there; inside an obstacle there is nothing."""
+def test_interface_across_a_period_and_at_a_body():
+    """A slab that ends at a periodic side and goes on at the other has no end there; inside a body there is nothing."""
     fluids = [
         fluid("gas", "box", lower=[22, 10.3], upper=[30, 20.4]),
         fluid("gas", "box", lower=[0, 10.3], upper=[7.6, 20.4]),
         REST,
     ]
     block = {"shape": {"box": {"lower": [3, 19], "upper": [6, 24]}}}
-    case = make(fluids, boundary={"x": "periodic", "y": "wall"}, obstacles=[block])
+    case = make(fluids, boundary={"x": "periodic", "y": "wall"}, bodies={"block": block})
     found = find_interface(regions_of(case))
     x, y = found.point.T
     flat = (np.abs(y - 10.3) < 1e-4) | (np.abs(y - 20.4) < 1e-4)
     upright = (np.abs(x - 22) < 1e-4) | (np.abs(x - 7.6) < 1e-4)
-    assert (flat | upright).all()
-    assert not ((x > 3) & (x < 6) & (y > 19) & (y < 24)).any()
+    at_block = np.minimum(np.abs(x - 3), np.abs(x - 6)) < 1e-4
+    at_block |= np.minimum(np.abs(y - 19), np.abs(y - 24)) < 1e-4
+    assert (flat | upright | at_block).all()
+    assert not ((x > 3 + 1e-4) & (x < 6 - 1e-4) & (y > 19 + 1e-4) & (y < 24 - 1e-4)).any()
     around = np.sort(x[flat & (y < 12)])
     around = np.concatenate([around[around > 15], around[around < 15] + 30])
     assert np.diff(around).max() < 0.3, "four points a spacing, across the side too"
@@ -211,7 +213,7 @@ def test_volume_of_many_cells_needs_few_samples_of_each(monkeypatch):
 
 
 def test_regions_of_a_phase_have_their_own_volume_unless_they_touch():
-    """A drop in two halves and one apart from them; empty space and obstacles count for nobody."""
+    """A drop in two halves and one apart from them; empty space and bodies count for nobody."""
     top = {"upper": "open", "lower": "wall"}
     drop = "(x - 8.3)**2 + (y - 9.2)**2 < 36"
     fluids = [
@@ -221,7 +223,7 @@ def test_regions_of_a_phase_have_their_own_volume_unless_they_touch():
         fluid("liquid", "where", condition=f"y < 20.37 and not {drop} and hypot(x - 22.2, y - 12.4) >= 5"),
     ]
     block = {"shape": {"box": {"lower": [14, 0], "upper": [16, 4]}}}
-    regions = regions_of(make(fluids, boundary={"x": "wall", "y": top}, obstacles=[block]))
+    regions = regions_of(make(fluids, boundary={"x": "wall", "y": top}, bodies={"block": block}))
     factors = volume_factors(regions)
     count = np.bincount(regions.entry[regions.entry != VOID])
     assert factors[0] == factors[1] and factors[2] != factors[0]
@@ -511,13 +513,13 @@ def test_three_phases():
     assert found.volume[:900][phase == 0].sum() == pytest.approx(exact, rel=3e-3)
 
 
-def test_free_surface_obstacle_and_a_spacing_that_does_not_fit():
-    """The surface gets a row of its own, nothing enters the obstacle, and nothing rises into the empty space."""
+def test_free_surface_body_and_a_spacing_that_does_not_fit():
+    """The surface gets a row of its own, nothing enters the body, and nothing rises into the empty space."""
     surface, bubble = "y < 18 + 2*sin(x/5)", "(x - 9)**2 + (y - 8.3)**2 < 25"
     fluids = [fluid("gas", "where", condition=bubble), fluid("liquid", "where", condition=f"{surface} and not {bubble}")]
-    block = {"shape": {"box": {"lower": [20, 6], "upper": [25, 11]}}}
+    block = {"shape": {"box": {"lower": [20, 6.15], "upper": [25, 11.15]}}}
     boundary = {"x": "wall", "y": {"lower": "wall", "upper": "open"}}
-    case = make(fluids, upper=(30.0, 30.3), boundary=boundary, obstacles=[block])
+    case = make(fluids, upper=(30.0, 30.3), boundary=boundary, bodies={"block": block})
     found, packer = fit(case)
     assert len(found.warnings) == 1 and "does not divide" in found.warnings[0]
     n = found.fluid_count
@@ -530,7 +532,7 @@ def test_free_surface_obstacle_and_a_spacing_that_does_not_fit():
     walls = found.position[n:]
     apart = np.sqrt(((x[:, None] - walls[None]) ** 2).sum(axis=2)).min(axis=1)
     assert apart.min() > 0.8 and distances(case, x).min() > 0.7
-    assert packer.unevenness < 0.006
+    assert packer.unevenness < 0.01  # rows that follow the faces of the body meet at its corners
 
 
 def test_far_from_interfaces_the_lattice_is_disturbed_but_even():

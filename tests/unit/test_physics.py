@@ -166,9 +166,9 @@ def test_sound_speed_bears_what_a_body_force_builds_up():
         "fluids": [{"phase": "water", "shape": "rest"}],
         "scales": {"velocity": 1e-6},
     }
-    cylinder = [{"shape": {"sphere": {"center": [0.5, 0.5], "radius": 0.2}}}]
+    cylinder = {"cylinder": {"shape": {"sphere": {"center": [0.5, 0.5], "radius": 0.2}}}}
     walls = {**scene["domain"], "boundary": {"x": "wall", "y": "periodic"}}
     needed = math.sqrt(2.0 * 1.0 / 0.01)
-    assert physics_of(Case.from_dict({**scene, "obstacles": cylinder})).sound_speed[0] == pytest.approx(needed, rel=1e-6)
+    assert physics_of(Case.from_dict({**scene, "bodies": cylinder})).sound_speed[0] == pytest.approx(needed, rel=1e-6)
     assert physics_of(Case.from_dict({**scene, "domain": walls})).sound_speed[0] == pytest.approx(needed, rel=1e-6)
     assert physics_of(Case.from_dict(scene)).sound_speed[0] < 0.1 * needed

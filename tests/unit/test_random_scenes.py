@@ -47,7 +47,7 @@ def test_scenes_of_every_kind_are_drawn(scenes):
         "3-D": [data["dimension"] == 3 for data in scenes],
         "three phases": [len(data["phases"]) == 3 for data in scenes],
         "one phase": [len(data["phases"]) == 1 for data in scenes],
-        "obstacle": ["obstacles" in data for data in scenes],
+        "body": ["bodies" in data for data in scenes],
         "thrown": ["velocity" in data["start"] for data in scenes],
         "no gravity": [not any(data["gravity"]) for data in scenes],
         "tension": [bool(data["surface_tension"]) for data in scenes],

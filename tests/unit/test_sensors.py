@@ -15,7 +15,7 @@ from warpsph.snapshot import Snapshot
 SPACING = 0.05
 
 
-def make_case(dimension=2, obstacles=(), boundary=None, spacing=SPACING, **gauge) -> Case:
+def make_case(dimension=2, bodies=None, boundary=None, spacing=SPACING, **gauge) -> Case:
     sides = {axis: "wall" for axis in "xyz"[:dimension]}
     gauge = {"type": "points", "fields": ["pressure"], "interval": 0.1, **gauge}
     return Case.from_dict(
@@ -26,7 +26,7 @@ def make_case(dimension=2, obstacles=(), boundary=None, spacing=SPACING, **gauge
             "domain": {"lower": [0.0] * dimension, "upper": [1.0] * dimension, "boundary": boundary or sides},
             "phases": {"water": {"density": 1000.0}},
             "fluids": [{"phase": "water", "shape": "rest"}],
-            "obstacles": list(obstacles),
+            "bodies": bodies or {},
             "gauges": {"sensor": gauge},
         }
     )
@@ -132,7 +132,7 @@ def test_the_plane_is_that_of_the_nearest_wall():
     box = {"shape": {"box": {"lower": [0.4, 0.0], "upper": [0.6, 0.3]}}}
     slope = {"shape": {"polygon": {"points": [[0.0, 0.0], [0.4, 0.0], [0.0, 0.3]]}}}
     ball = {"shape": {"sphere": {"center": [0.5, 0.7], "radius": 0.1}}}
-    case = make_case(obstacles=[box, slope, ball], points=[[1.0, 0.5]])
+    case = make_case(bodies={"box": box, "slope": slope, "ball": ball}, points=[[1.0, 0.5]])
     for point, expected in [
         ([1.0, 0.5], [1, 0]), ([0.3, 1.0], [0, 1]), ([0.4, 0.2], [1, 0]), ([0.5, 0.3], [0, 1]),
         ([0.2, 0.15], [0.6, 0.8]), ([0.5 + 0.06, 0.7 + 0.08], [0.6, 0.8]),
@@ -174,10 +174,10 @@ def test_a_given_normal_needs_no_wall_and_a_periodic_side_no_room():
     make_case(points=[[0.98, 1.0]], area=0.2, boundary={"x": "periodic", "y": "wall"})
 
 
-def test_an_obstacle_of_another_dimension_is_reported_and_no_crash():
+def test_a_body_of_another_dimension_is_reported_and_no_crash():
     for shape in (
         {"sphere": {"center": [0.5, 0.5, 0.5], "radius": 0.1}}, {"box": {"lower": [0, 0, 0], "upper": [0.2, 0.2, 0.2]}},
         {"polygon": {"points": [[0, 0], [0.1, 0], [0, 0.1, 3]]}},
     ):  # fmt: skip
-        with pytest.raises(CaseError, match="obstacles.0.shape.*needs 2 numbers"):
-            make_case(obstacles=[{"shape": shape}], points=[[1.0, 0.5]], area=0.01)
+        with pytest.raises(CaseError, match="bodies.pin.shape.*needs 2 numbers"):
+            make_case(bodies={"pin": {"shape": shape}}, points=[[1.0, 0.5]], area=0.01)

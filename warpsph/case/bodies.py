@@ -6,6 +6,7 @@ from typing import Annotated
 
 from pydantic import Field
 
+from warpsph.case.motion import Motion
 from warpsph.case.shapes import BodyShape
 from warpsph.case.values import CaseModel, WallKind
 
@@ -18,3 +19,6 @@ class Body(CaseModel):
         default=False, description="the fluid is inside the shape, and the body all around it", examples=["false"]
     )
     wall: WallKind = Field(default="no_slip", description="no_slip or free_slip", examples=["no_slip"])
+    motion: Motion | None = Field(
+        default=None, description="how it moves (default: not at all)", examples=['{translation: ["0.1*sin(t)", 0]}']
+    )

@@ -39,10 +39,11 @@ from warpsph.case.gauge_models import Gauge
 from warpsph.case.initial import CentralForce, Scales, Start
 from warpsph.case.numerics import ByScheme, NumericsBase, default_numerics
 from warpsph.case.outputs import CheckpointOutput, Output, ParticleOutput
-from warpsph.case.phases import Fluid, Obstacle, Phase, SurfaceTension
-from warpsph.case.plain import none_words, reference_holders, rename_files, set_path
+from warpsph.case.phases import Fluid, Phase, SurfaceTension
+from warpsph.case.plain import files_named, none_words, rename_files, set_path
 from warpsph.case.references import Reference, ReferenceInterface
 from warpsph.case.reports import in_order, report
+from warpsph.case.signals import SignalVector, bound_to, signals_of
 from warpsph.case.validation_runs import Validation
 from warpsph.case.values import (
     CaseModel,
@@ -51,7 +52,6 @@ from warpsph.case.values import (
     FrozenDict,
     Name,
     PositiveNumber,
-    Vector,
     as_list,
 )
 from warpsph.case.yaml_text import Tree, apply_override, placed, read_file
@@ -80,10 +80,13 @@ class Case(CaseModel):
     domain: Domain = Field(
         description="the box in which the particles live", examples=["{lower: [0, 0], upper: [1, 1]}"]
     )
-    gravity: Vector = Field(default=(), description="gravity, m/s^2 (default zero)", examples=["[0, -9.81]"])
-    body_force: Vector = Field(
+    gravity: SignalVector = Field(
+        default=(), description="gravity, m/s^2; may depend on time (default zero)", examples=["[0, -9.81]"]
+    )
+    body_force: SignalVector = Field(
         default=(),
-        description="acceleration of the fluid that is not counted as hydrostatic, m/s^2 (default zero)",
+        description="further acceleration of the fluid, m/s^2; may depend on time. Along an axis with a wall at a side it "
+        "counts as gravity, elsewhere it drives a flow and no pressure (default zero)",
         examples=["[1e-4, 0]"],
     )
     central_force: CentralForce | None = Field(
@@ -99,9 +102,6 @@ class Case(CaseModel):
     )
     fluids: Annotated[tuple[Fluid, ...], Field(min_length=1), BeforeValidator(as_list)] = Field(
         description="which phase is where", examples=["[{phase: water, shape: rest}]"]
-    )
-    obstacles: Annotated[tuple[Obstacle, ...], BeforeValidator(as_list)] = Field(
-        default=(), description="solid bodies", examples=["[{shape: {sphere: {center: [0, 0], radius: 1}}}]"]
     )
     bodies: Annotated[Mapping[Name, Body], FreezeMapping()] = Field(
         default_factory=FrozenDict,
@@ -154,6 +154,8 @@ class Case(CaseModel):
             problems += cross_check(draft(cls, value), folder, value)
             raise CaseError(in_order(problems, cls)) from None
         case._source_folder = folder
+        for _, signal in signals_of(case):
+            bound_to(folder, signal)
         case._fill_defaults()
         found = cross_check(case, folder, value)
         if found:
@@ -174,8 +176,6 @@ class Case(CaseModel):
         if self.central_force is not None:
             fill(self.central_force, "center", zero)
         fill(self.start, "velocity", (compile_expression("0.0"),) * self.dimension)
-        for obstacle in self.obstacles:
-            fill(obstacle, "velocity", zero)
         for reference in self.reference.values():
             if isinstance(reference, ReferenceInterface):
                 fill(reference.interface, "offset", zero)
@@ -188,6 +188,13 @@ class Case(CaseModel):
                     object.__setattr__(side, "velocity", zero)
         fill(self.output, "particles", ParticleOutput(interval=self.end_time / 20))
         fill(self.output, "checkpoint", CheckpointOutput(interval=self.end_time / 10))
+
+    @classmethod
+    def foreign_key(cls, key: str, raw: Any) -> tuple[str, str] | None:
+        """Rule and remedy for a section that the case no longer has."""
+        if key == "obstacles":
+            return "is now called bodies, a mapping of names", "write bodies: {name: {shape: ..., wall: ...}}"
+        return None
 
     # -- making cases ------------------------------------------------------------
 
@@ -274,14 +281,14 @@ class Case(CaseModel):
         return data
 
     def make_files_absolute(self, data: dict[str, Any]) -> None:
-        """Turn the names of reference files in a plain case into absolute paths, in place."""
+        """Turn the names of files in a plain case into absolute paths, in place."""
         if self.source_folder is not None:
             rename_files(data, {name: str(path.resolve()) for name, path in self.reference_files.items()})
 
     @property
     def reference_files(self) -> dict[str, Path]:
-        """Path of each reference file by the name that the case has for it."""
-        return {holder["file"]: self.reference_file(holder["file"]) for holder in reference_holders(self.to_dict())}
+        """Path of each file that the case names, references and tables of signals, by the name that the case has for it."""
+        return {name: self.reference_file(name) for name in files_named(self.to_dict())}
 
     # -- short cuts ------------------------------------------------------------
 
@@ -317,8 +324,8 @@ class Case(CaseModel):
 
     @property
     def has_walls(self) -> bool:
-        """Whether there are wall particles: a wall at a side, an obstacle or a body."""
-        return bool(self.obstacles or self.bodies) or any(
+        """Whether there are wall particles: a wall at a side, or a body."""
+        return bool(self.bodies) or any(
             "wall" in (axis.lower.kind, axis.upper.kind) for axis in self.sides
         )
 
@@ -326,6 +333,11 @@ class Case(CaseModel):
     def has_open_sides(self) -> bool:
         """Whether any side of the domain is open."""
         return any("open" in (axis.lower.kind, axis.upper.kind) for axis in self.sides)
+
+    @property
+    def has_flow_through(self) -> bool:
+        """Whether any side of the domain is an inlet or an outlet."""
+        return any(end.flow is not None for axis in self.sides for end in (axis.lower, axis.upper))
 
     @property
     def has_surface_tension(self) -> bool:

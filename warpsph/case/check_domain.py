@@ -12,6 +12,7 @@ from warpsph.case.domain import AXES, AxisBoundary
 from warpsph.case.drafts import Problems
 from warpsph.case.numerics import SUPPORT_RATIO
 from warpsph.case.places import dig
+from warpsph.case.signals import check_signal, signal_text, signals_of
 from warpsph.errors import MISSING, Problem
 
 _AUTO_SUPPORT = 2 * 1.5
@@ -65,6 +66,12 @@ def check_domain(case: Any, _folder: Path | None, _raw: Any) -> Problems:
         )
 
 
+def check_signals(case: Any, folder: Path | None, _raw: Any) -> Problems:
+    for path, signal in signals_of(case):
+        if not path.startswith("bodies."):  # told with the other keys of their motion
+            yield from check_signal(path, signal, folder, case.end_time)
+
+
 def check_boundary(case: Any, _folder: Path | None, raw: Any) -> Problems:
     if case.dimension == 2 and dig(raw, "domain", "boundary", "z") is not MISSING:
         yield Problem(
@@ -91,7 +98,7 @@ def _check_axis(case: Any, raw: Any, position: int) -> Problems:
         if len(side.velocity) == dimension and side.velocity[position] != 0:
             yield Problem(
                 path,
-                list(side.velocity),
+                [signal_text(value) for value in side.velocity],
                 f"moves the wall out of its plane ({axis} has to be 0)",
                 "let domain walls slide in their own plane only",
             )

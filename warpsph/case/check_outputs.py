@@ -47,20 +47,32 @@ def _check_gauge(case: Any, name: Any, gauge: Any) -> Problems:
     if gauge.type == "wall_force":
         if not case.has_walls:
             yield Problem(
-                f"{path}.type", gauge.type, "needs a wall or an obstacle", "delete the gauge or add a wall"
+                f"{path}.type", gauge.type, "needs a wall or a body", "delete the gauge or add a wall"
             )
+        if gauge.pivot is not None:
+            yield from guarded(check_length(case.dimension, f"{path}.pivot", gauge.pivot))
+            if not case.bodies:
+                yield Problem(
+                    f"{path}.pivot", list(gauge.pivot), "needs bodies: torque is that on bodies", "delete it"
+                )
     elif gauge.type == "contour":
         if case.dimension != 2:
             yield Problem(f"{path}.type", gauge.type, "needs dimension: 2", "use extents")
     elif gauge.type == "interface_length":
         if len(case.phases) < 2:
             yield Problem(f"{path}.type", gauge.type, "needs at least two phases", "delete the gauge")
+    elif gauge.type == "elevation":
+        for position, place in enumerate(gauge.places):
+            yield from guarded(_check_place(case, f"{path}.places.{position}", place))
     elif gauge.type == "points":
         for position, point in enumerate(gauge.points):
             yield from guarded(check_length(case.dimension, f"{path}.points.{position}", point))
         yield from check_interface_fields(case, f"{path}.fields", gauge.fields)
         yield from guarded(_check_faces(case, path, gauge))
-    elif gauge.type == "line":
+    elif gauge.type == "flow_rate":
+        if not case.has_flow_through:
+            yield Problem(f"{path}.type", gauge.type, "needs an inlet or an outlet", "delete the gauge")
+    elif gauge.type in ("line", "reattachment"):
         yield from guarded(check_length(case.dimension, f"{path}.from", gauge.from_))
         yield from guarded(check_length(case.dimension, f"{path}.to", gauge.to))
         if gauge.from_ == gauge.to:
@@ -68,6 +80,14 @@ def _check_gauge(case: Any, name: Any, gauge: Any) -> Problems:
                 f"{path}.to", list(gauge.to), "is the same point as from", "use a gauge of type points"
             )
         yield from check_interface_fields(case, f"{path}.fields", gauge.fields)
+
+
+def _check_place(case: Any, path: str, place: Sequence[float]) -> Problems:
+    """A place of an elevation gauge has a coordinate for each axis but the last."""
+    wanted = case.dimension - 1
+    if len(place) != wanted:
+        rule = f"needs {wanted} number{'s' if wanted > 1 else ''} (dimension: {case.dimension}), all axes but the last"
+        yield Problem(path, list(place), rule, f"write e.g. {[0] * wanted}")
 
 
 def _check_faces(case: Any, path: str, gauge: Any) -> Problems:

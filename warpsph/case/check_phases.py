@@ -1,4 +1,4 @@
-"""Checks between fields: phases and their tension, fluids, obstacles, the start."""
+"""Checks between fields: phases and their tension, fluids, bodies, the start."""
 
 from __future__ import annotations
 
@@ -16,7 +16,8 @@ from warpsph.case.checking import (
 )
 from warpsph.case.domain import AXES
 from warpsph.case.drafts import Problems, guarded
-from warpsph.case.shapes import BODY_SHAPES, SHAPES
+from warpsph.case.motion import check_motion
+from warpsph.case.shapes import BODY_SHAPES
 from warpsph.case.values import NAME
 from warpsph.errors import MISSING, Problem
 
@@ -77,27 +78,6 @@ def check_fluids(case: Any, _folder: Path | None, _raw: Any) -> Problems:
     yield from each(_check_shape, shapes, case)
 
 
-def check_obstacles(case: Any, _folder: Path | None, _raw: Any) -> Problems:
-    names: dict[str, int] = {}
-
-    def check(position: int, obstacle: Any) -> Problems:
-        path = f"obstacles.{position}"
-        yield from guarded(check_length(case.dimension, f"{path}.velocity", obstacle.velocity))
-        if obstacle.name is not None and names.setdefault(obstacle.name, position) != position:
-            yield Problem(
-                f"{path}.name",
-                obstacle.name,
-                f"is the name of obstacle {names[obstacle.name]} already",
-                "choose another",
-            )
-        if obstacle.shape.kind == "rest":
-            yield Problem(f"{path}.shape", "rest", "is for fluids only", f"use one of {', '.join(SHAPES)}")
-
-    yield from each(check, enumerate(case.obstacles))
-    shapes = ((f"obstacles.{position}.shape", obstacle) for position, obstacle in enumerate(case.obstacles))
-    yield from each(_check_shape, shapes, case)
-
-
 def check_bodies(case: Any, folder: Path | None, _raw: Any) -> Problems:
     def check(name: str, body: Any) -> Problems:
         path = f"bodies.{name}.shape"
@@ -116,6 +96,11 @@ def check_bodies(case: Any, folder: Path | None, _raw: Any) -> Problems:
             yield from check_length(3, f"{path}.translate", body.shape.stl.translate)
             yield from _check_there(folder, path, body.shape.stl.file)
 
+    def motion(name: str, body: Any) -> Problems:
+        if body.motion is not None:
+            yield from check_motion(f"bodies.{name}.motion", body.motion, case.dimension, folder, case.end_time)
+
+    yield from each(motion, list(case.bodies.items()))
     yield from each(check, list(case.bodies.items()))
     yield from each(_check_shape, [(f"bodies.{name}.shape", body) for name, body in case.bodies.items()], case)
 

@@ -9,6 +9,7 @@ from typing import Any
 from warpsph.case.domain import AXES
 from warpsph.case.drafts import Problems, guarded
 from warpsph.case.expressions import Expression
+from warpsph.case.signals import is_signal, signal_text
 from warpsph.case.values import formula_text, suggestion
 from warpsph.errors import Problem
 
@@ -22,7 +23,7 @@ def each(check: Callable[..., Problems], items: Iterable[tuple[Any, ...]], *comm
 
 
 def texts(vector: Sequence[Any]) -> list[Any]:
-    return [formula_text(entry) for entry in vector]
+    return [signal_text(entry) if is_signal(entry) else formula_text(entry) for entry in vector]
 
 
 def check_length(dimension: int, path: str, vector: Sequence[Any]) -> Problems:

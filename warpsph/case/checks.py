@@ -7,9 +7,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from warpsph.case.check_domain import check_boundary, check_domain, check_vectors
+from warpsph.case.check_domain import check_boundary, check_domain, check_signals, check_vectors
+from warpsph.case.check_open_sides import check_open_sides
 from warpsph.case.check_outputs import check_gauges, check_output
-from warpsph.case.check_phases import check_bodies, check_fluids, check_obstacles, check_phases, check_start, check_tension
+from warpsph.case.check_phases import check_bodies, check_fluids, check_phases, check_start, check_tension
 from warpsph.case.check_references import check_references, check_validation
 from warpsph.case.drafts import Problems, guarded
 from warpsph.case.magnitudes import check_inputs
@@ -38,10 +39,12 @@ _CHECKS: tuple[Callable[[Any, Path | None, Any], Problems], ...] = (
     check_domain,
     check_vectors,
     check_boundary,
+    check_signals,
+    check_open_sides,
     check_phases,
     check_tension,
     check_fluids,
-    check_obstacles,
+
     check_bodies,
     check_start,
     check_numerics,

@@ -22,6 +22,7 @@ __all__ = [
     "column_formula",
     "column_names",
     "columns_of",
+    "open_side_names",
     "wall_bodies",
 ]
 
@@ -72,13 +73,10 @@ def column_names(name: str, spec: Any, case: Any) -> list[str]:
 
 def wall_bodies(case: Any) -> list[str]:
     """Names of the solid bodies of a case, as in `wall_force_x <body>`: `domain` if it has walls, then the
-    obstacles.
-
-    An obstacle without a name is called obstacle_1, obstacle_2 ... by its place in the list.
+    bodies.
     """
-    names = [obstacle.name or f"obstacle_{place}" for place, obstacle in enumerate(case.obstacles, 1)]
     at_domain = any("wall" in (axis.lower.kind, axis.upper.kind) for axis in case.sides)
-    return (["domain"] if at_domain else []) + names
+    return [*(["domain"] if at_domain else []), *case.bodies]
 
 
 def column_formula(names: Iterable[str], text: str) -> tuple[Expression, dict[str, str]]:
@@ -176,7 +174,21 @@ def _wall_force(spec: Any, case: Any, phases: _Names, axes: _Names) -> list[Colu
     return [
         *(Column(f"force_{axis}", unit) for axis in axes),
         *(Column(f"force_{axis} {body}", unit) for body in wall_bodies(case) for axis in axes),
+        *(column for body in case.bodies for column in _body_load(body, axes)),
     ]
+
+
+def _body_load(body: str, axes: _Names) -> list[Column]:
+    """Parts of the force on a body with a surface of its own, and its torque."""
+    unit, turning = _unit(axes, "N", "N/m"), _unit(axes, "N m", "N")
+    return [
+        *(Column(f"{part}_{axis} {body}", unit) for part in ("pressure", "friction") for axis in axes),
+        *(Column(f"torque_{axis} {body}", turning) for axis in (axes if len(axes) == 3 else ("z",))),
+    ]
+
+
+def _elevation(spec: Any, case: Any, phases: _Names, axes: _Names) -> list[Column]:
+    return [Column(f"surface_{number}", "m") for number in range(1, len(spec.places) + 1)]
 
 
 def _samples(spec: Any, case: Any, phases: _Names, axes: _Names) -> list[Column]:
@@ -190,6 +202,26 @@ def _samples(spec: Any, case: Any, phases: _Names, axes: _Names) -> list[Column]
     return result
 
 
+def open_side_names(case: Any) -> list[str]:
+    """Names of the inlets and outlets of a case, such as x_lower, in the order of the sides."""
+    return [
+        f"{axis}_{end}"
+        for axis, sides in zip(AXES, case.sides, strict=False)
+        for end in ("lower", "upper")
+        if getattr(sides, end).flow is not None
+    ]
+
+
+def _flow_rate(spec: Any, case: Any, phases: _Names, axes: _Names) -> list[Column]:
+    units = {"flow": _unit(axes, "kg/s", "kg/(m s)"), "through": _unit(axes, "kg", "kg/m"), "face_pressure": "Pa"}
+    sides = open_side_names(case)
+    return [Column(f"{name} {side}", unit) for side in sides for name, unit in units.items()]
+
+
+def _reattachment(spec: Any, case: Any, phases: _Names, axes: _Names) -> list[Column]:
+    return [Column("separation", "m"), Column("reattachment", "m")]
+
+
 _COLUMNS: dict[str, Callable[[Any, Any, _Names, _Names], list[Column]]] = {
     "energy": _energy,
     "momentum": _momentum,
@@ -200,6 +232,9 @@ _COLUMNS: dict[str, Callable[[Any, Any, _Names, _Names], list[Column]]] = {
     "phase_velocity": _phase_velocity,
     "strays": _strays,
     "wall_force": _wall_force,
+    "elevation": _elevation,
     "points": _samples,
     "line": _samples,
+    "flow_rate": _flow_rate,
+    "reattachment": _reattachment,
 }

@@ -15,7 +15,9 @@ from pydantic import (
 )
 from pydantic_core import CoreSchema
 
-from warpsph.case.values import CaseModel, NumberRule, Vector, WallKind, bad_value, suggestion
+from warpsph.case.open_sides import Inlet, OpenSide, Outlet
+from warpsph.case.signals import SignalVector, TableSignal, signal_schema, signal_text
+from warpsph.case.values import CaseModel, Vector, WallKind, bad_value, suggestion
 
 AXES = ("x", "y", "z")
 
@@ -23,8 +25,8 @@ AXES = ("x", "y", "z")
 class Side(CaseModel):
     """One side of the domain along one axis.
 
-    In a file: `open`, `wall`, `free_slip`, or `{wall: no_slip|free_slip, velocity: [...]}`; `periodic` for
-    both sides.
+    In a file: `open`, `wall`, `free_slip`, `{wall: no_slip|free_slip, velocity: [...]}`, `{inlet: {...}}` or
+    `{outlet: {...}}`; `periodic` for both sides.
     """
 
     opaque: ClassVar[bool] = True
@@ -32,10 +34,16 @@ class Side(CaseModel):
     wall: WallKind | None = Field(
         description="no_slip or free_slip wall; nothing on an open or periodic side"
     )
-    velocity: Vector = Field(
+    velocity: SignalVector = Field(
         default=(),
-        description="velocity of the wall within its own plane, m/s (default zero)",
+        description="velocity of the wall within its own plane, m/s; may depend on time (default zero)",
         examples=["[1, 0]"],
+    )
+    inlet: Inlet | None = Field(
+        default=None, description="fluid comes in here", examples=["{velocity: [1, 0]}"]
+    )
+    outlet: Outlet | None = Field(
+        default=None, description="fluid goes out here", examples=["{pressure: 0}"]
     )
     _periodic: bool = PrivateAttr(default=False)
 
@@ -47,12 +55,16 @@ class Side(CaseModel):
                 raise bad_value("a single side cannot be periodic", "write periodic for the whole axis")
             if value not in _SIDE_WORDS:
                 raise bad_value(
-                    f"needs one of {', '.join(_SIDE_WORDS)} or a mapping with the key wall",
+                    f"needs one of {', '.join(_SIDE_WORDS)} or a mapping with the key wall, inlet or outlet",
                     suggestion(value, _SIDE_WORDS),
                 )
             return cls._of(value)
         if not isinstance(value, Mapping | Side):
-            raise bad_value(f"needs one of {', '.join(_SIDE_WORDS)} or a mapping with the key wall")
+            raise bad_value(f"needs one of {', '.join(_SIDE_WORDS)} or a mapping with the key wall, inlet or outlet")
+        if isinstance(value, Mapping) and value.keys() & _FLOWS:
+            if len(value) > 1:
+                raise bad_value(f"has {' and '.join(map(str, value))}", "write inlet or outlet alone, with its own keys")
+            return handler({"wall": None, **value})
         return handler(value)
 
     @classmethod
@@ -63,11 +75,20 @@ class Side(CaseModel):
         return side
 
     @property
-    def kind(self) -> Literal["open", "wall", "periodic"]:
-        """What the side is."""
+    def kind(self) -> Literal["open", "wall", "periodic", "inlet", "outlet"]:
+        """What the side is; `open` is one without anything, beyond which particles fly on."""
         if self.wall is not None:
             return "wall"
+        if self.inlet is not None:
+            return "inlet"
+        if self.outlet is not None:
+            return "outlet"
         return "periodic" if self._periodic else "open"
+
+    @property
+    def flow(self) -> OpenSide | None:
+        """The inlet or outlet that the side is."""
+        return self.inlet or self.outlet
 
     @property
     def moves(self) -> bool:
@@ -76,13 +97,16 @@ class Side(CaseModel):
 
     def _plain(self) -> Any:
         """The shortest way to write this side in a file."""
+        if self.flow is not None:
+            return {self.kind: self.flow.plain()}
         if self.kind != "wall":
             return self.kind
         if self.moves:
-            return {"wall": self.wall, "velocity": list(self.velocity)}
+            return {"wall": self.wall, "velocity": [signal_text(value) for value in self.velocity]}
         return "wall" if self.wall == "no_slip" else "free_slip"
 
 
+_FLOWS = {"inlet", "outlet"}
 _SIDE_WORDS = ("open", "wall", "free_slip")
 _AXIS_WORDS = ("periodic", "wall", "open", "free_slip")
 
@@ -110,6 +134,8 @@ class AxisBoundary(CaseModel):
             return handler(value)
         if not isinstance(value, Mapping):
             raise bad_value(f"needs one of {', '.join(_AXIS_WORDS)} or a mapping with lower and upper")
+        if value.keys() & _FLOWS:
+            raise bad_value("is one for a single side", "write lower: or upper: before inlet and outlet")
         if "wall" in value or "velocity" in value:
             # One wall written for the whole axis; problems of the two copies are merged by the report.
             return handler({"lower": value, "upper": value})
@@ -133,12 +159,17 @@ class AxisBoundary(CaseModel):
             "type": "object",
             "properties": {
                 "wall": {"enum": ["no_slip", "free_slip"]},
-                "velocity": {"type": "array", "description": "m/s", "items": NumberRule().schema()},
+                "velocity": {"type": "array", "description": "m/s", "items": signal_schema(TableSignal.model_json_schema())},
             },
             "required": ["wall"],
             "additionalProperties": False,
         }
-        side = {"anyOf": [{"enum": list(_SIDE_WORDS)}, wall]}
+        flows = [
+            {"type": "object", "properties": {name: handler(model.__pydantic_core_schema__)}, "required": [name],
+             "additionalProperties": False}
+            for name, model in (("inlet", Inlet), ("outlet", Outlet))
+        ]  # fmt: skip
+        side = {"anyOf": [{"enum": list(_SIDE_WORDS)}, wall, *flows]}
         sides = {
             "type": "object",
             "properties": {"lower": side, "upper": side},

@@ -70,6 +70,11 @@ class Expression:
     _tree: ast.expr = field(compare=False, repr=False)
 
     @property
+    def tree(self) -> ast.expr:
+        """The checked syntax tree."""
+        return self._tree
+
+    @property
     def constant(self) -> float | None:
         """The value, if no variable occurs in the expression; else None.
 

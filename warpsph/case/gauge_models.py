@@ -97,7 +97,28 @@ class StraysGauge(GaugeModel):
 class WallForceGauge(GaugeModel):
     """Force of the fluid on the walls."""
 
-    type: Literal["wall_force"] = Field(description="force on the walls")
+    type: Literal["wall_force"] = Field(description="force on the walls, and torque on bodies")
+    pivot: Vector | None = Field(
+        default=None,
+        description="point about which the torques on bodies are taken, m (default: of each the centre of its surface)",
+        examples=["[0, 0]"],
+    )
+
+
+class ElevationGauge(GaugeModel):
+    """Height of the free surface above given places."""
+
+    type: Literal["elevation"] = Field(description="height of the free surface")
+    places: Annotated[tuple[Vector, ...], Field(min_length=1), BeforeValidator(as_list)] = Field(
+        description="the places: their coordinates but for the last axis, along which the height is measured, m",
+        examples=["[[0], [0.5]]"],
+    )
+
+
+class FlowRateGauge(GaugeModel):
+    """What goes through inlets and outlets."""
+
+    type: Literal["flow_rate"] = Field(description="mass flow, mass and pressure of each inlet and outlet")
 
 
 _SampledFields = Annotated[
@@ -138,6 +159,22 @@ class LineGauge(GaugeModel):
     fields: _SampledFields = Field(description="fields to interpolate", examples=["[velocity]"])
 
 
+class ReattachmentGauge(GaugeModel):
+    """Where a flow along a wall leaves it and comes back to it."""
+
+    type: Literal["reattachment"] = Field(description="where the flow along a wall leaves it and comes back")
+    from_: Vector = Field(alias="from", description="first point of a line close to the wall, m", examples=["[0, 0.01]"])
+    to: Vector = Field(description="last point, m", examples=["[10, 0.01]"])
+    count: Annotated[int, NumberRule(least=2, most=1_000_000, integer=True)] = Field(
+        description="number of points, both ends included", examples=["201"]
+    )
+
+    @property
+    def fields(self) -> tuple[str, ...]:
+        """What is interpolated at the points."""
+        return ("velocity",)
+
+
 GAUGES: dict[str, type[GaugeModel]] = {
     "energy": EnergyGauge,
     "momentum": MomentumGauge,
@@ -148,8 +185,11 @@ GAUGES: dict[str, type[GaugeModel]] = {
     "phase_velocity": PhaseVelocityGauge,
     "strays": StraysGauge,
     "wall_force": WallForceGauge,
+    "elevation": ElevationGauge,
     "points": PointsGauge,
     "line": LineGauge,
+    "flow_rate": FlowRateGauge,
+    "reattachment": ReattachmentGauge,
 }
 
 
@@ -200,8 +240,11 @@ Gauge = Annotated[
     | Annotated[PhaseVelocityGauge, Tag("<phase_velocity>")]
     | Annotated[StraysGauge, Tag("<strays>")]
     | Annotated[WallForceGauge, Tag("<wall_force>")]
+    | Annotated[ElevationGauge, Tag("<elevation>")]
     | Annotated[PointsGauge, Tag("<points>")]
-    | Annotated[LineGauge, Tag("<line>")],
+    | Annotated[LineGauge, Tag("<line>")]
+    | Annotated[FlowRateGauge, Tag("<flow_rate>")]
+    | Annotated[ReattachmentGauge, Tag("<reattachment>")],
     Discriminator(_gauge_type),
     WrapValidator(_as_registered),
     BeforeValidator(_check_gauge_type),

@@ -1,4 +1,4 @@
-"""The sections `phases`, `surface_tension`, `fluids` and `obstacles` of a case: what there is, and where."""
+"""The sections `phases`, `surface_tension` and `fluids` of a case: what there is, and where."""
 
 from __future__ import annotations
 
@@ -13,8 +13,6 @@ from warpsph.case.values import (
     NonNegativeNumber,
     NumberRule,
     PositiveNumber,
-    Vector,
-    WallKind,
     as_list,
 )
 
@@ -59,14 +57,3 @@ class Fluid(CaseModel):
 
     phase: Name = Field(description="name of a phase", examples=["water"])
     shape: Shape = Field(description="the region", examples=["rest"])
-
-
-class Obstacle(CaseModel):
-    """A solid body made of wall particles."""
-
-    shape: Shape = Field(description="the region", examples=["{box: {lower: [0, 0], upper: [1, 1]}}"])
-    wall: WallKind = Field(default="no_slip", description="no_slip or free_slip", examples=["no_slip"])
-    velocity: Vector = Field(
-        default=(), description="velocity of the surface, m/s (default zero)", examples=["[0, 0]"]
-    )
-    name: Name | None = Field(default=None, description="name in messages and output", examples=["block"])

@@ -8,19 +8,37 @@ from typing import Any
 from warpsph.case.values import kind_of, suggestion
 from warpsph.errors import CaseError, Problem, short
 
+_SIGNALS = ("gravity", "body_force", "domain", "bodies")  # sections in which a signal may be a table
 
-def reference_holders(data: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """The mappings of a plain case that name a file under the key `file`: of references, and of shapes of bodies."""
+
+def file_holders(data: Mapping[str, Any]) -> list[tuple[dict[str, Any], str]]:
+    """The mappings of a plain case that name a file, and the key that they do it under.
+
+    References and shapes of bodies have a `file`, signals a `table`.
+    """
     parts = ("curve", "curves", "interface")
-    found = [entry[part] for entry in data.get("reference", {}).values() for part in parts if part in entry]
+    holders = [(entry[part], "file") for entry in data.get("reference", {}).values() for part in parts if part in entry]
     shapes = [part for body in data.get("bodies", {}).values() for part in body["shape"].values()]
-    return found + [shape for shape in shapes if shape.get("file")]
+    holders += [(shape, "file") for shape in shapes if shape.get("file")]
+    return holders + [(table, "table") for section in _SIGNALS for table in _tables(data.get(section))]
+
+
+def _tables(data: Any) -> list[dict[str, Any]]:
+    """The tables of signals in plain data."""
+    if isinstance(data, dict):
+        return [data] if "table" in data else [table for value in data.values() for table in _tables(value)]
+    return [table for value in data for table in _tables(value)] if isinstance(data, list) else []
+
+
+def files_named(data: Mapping[str, Any]) -> list[str]:
+    """The names of all files in a plain case."""
+    return [holder[key] for holder, key in file_holders(data)]
 
 
 def rename_files(data: Mapping[str, Any], names: Mapping[str, str]) -> None:
-    """Replace the names of reference files in a plain case, in place; names that are no key of `names` stay."""
-    for holder in reference_holders(data):
-        holder["file"] = names.get(holder["file"], holder["file"])
+    """Replace the names of files in a plain case, in place; names that are no key of `names` stay."""
+    for holder, key in file_holders(data):
+        holder[key] = names.get(holder[key], holder[key])
 
 
 def none_words(value: Any) -> Any:

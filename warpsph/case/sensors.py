@@ -55,7 +55,7 @@ def face_spots(area: float, normal: Sequence[float] | np.ndarray, spacing: float
 
 
 def wall_normal(case: Any, point: Sequence[float]) -> np.ndarray:
-    """Unit normal (dimension,) of the wall at a point [m]: of the nearest wall of the domain or surface of an obstacle.
+    """Unit normal (dimension,) of the wall at a point [m]: of the nearest wall of the domain or surface of a body.
 
     Raises NoPlane if none is within a particle spacing, or two that are not parallel are equally near, as in a corner.
     """
@@ -71,7 +71,7 @@ def wall_normal(case: Any, point: Sequence[float]) -> np.ndarray:
 
 
 def _planes(case: Any, place: np.ndarray) -> Iterator[Plane]:
-    """The walls of the domain and the nearest planes of obstacles; a `where` has no plane that is known."""
+    """The walls of the domain and the nearest planes of bodies; a `where`, an airfoil and a mesh have none that is known."""
     size = len(place)
     for axis, sides in enumerate(_sides(case)):
         normal = np.eye(size)[axis]
@@ -79,8 +79,8 @@ def _planes(case: Any, place: np.ndarray) -> Iterator[Plane]:
             yield abs(place[axis] - case.domain.lower[axis]), normal
         if sides.upper.kind == "wall":
             yield abs(place[axis] - case.domain.upper[axis]), normal
-    for obstacle in case.obstacles:
-        shape = obstacle.shape
+    for body in case.bodies.values():
+        shape = body.shape
         # A shape of another dimension is reported elsewhere; it has no planes here.
         if shape.box is not None and len(shape.box.lower) == len(shape.box.upper) == size:
             yield from _box_planes(place, np.asarray(shape.box.lower), np.asarray(shape.box.upper))

@@ -1,4 +1,4 @@
-"""Regions of space, of fluids and obstacles."""
+"""Regions of space, of fluids and bodies."""
 
 from __future__ import annotations
 
@@ -87,8 +87,8 @@ class Airfoil(CaseModel):
     def _one_source(self) -> Self:
         if (self.naca is None) == (self.file is None):
             raise bad_value("needs exactly one of naca and file", 'write e.g. naca: "0012"')
-        if self.file is not None and "closed" in self.model_fields_set:
-            raise bad_value("has closed, which is for naca alone", "delete closed: a file gives its own tail")
+        if self.file is not None and not self.closed:
+            raise bad_value("has closed: false, which is for naca alone", "delete it: a file gives its own tail")
         return self
 
 

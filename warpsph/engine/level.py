@@ -13,6 +13,7 @@ from warpsph.engine.neighbours import NeighbourList
 from warpsph.engine.population import Population
 from warpsph.engine.program import Stage
 from warpsph.kernels.core import clock as ck
+from warpsph.kernels.core import time_signals
 from warpsph.kernels.core.spec import Spec
 
 # partial sums of a reduction: enough to fill a GPU, few enough to add up on one core
@@ -66,7 +67,7 @@ class Level:
         self._make_systems = systems
         spec, device = particles.spec, launcher.device
         blocks = BLOCKS[launcher.is_cpu] if spec.volume_constraint or spec.momentum_constraint else 0
-        self.bindings = Bindings(device, values, declared=particles.declared | work)
+        self.bindings = Bindings(device, values, declared=particles.declared | work | time_signals.ARRAYS)
         self.bindings.update(clock.arrays())
         self.bindings.update(
             block_count=blocks,
@@ -113,14 +114,15 @@ class Level:
         if isinstance(stage.rows, int):
             return stage.rows, 0
         particles = self.particles
-        return {
+        named = {
             "fluid": (particles.fluid_capacity, 0),
             "wall": (particles.wall_count, 0),
             "band": (particles.fluid_capacity, 0),
             "blocks": (self.bindings["block_count"], 0),
             "folds": (ck.FOLDS, 0),
             "one": (1, 0),
-        }[stage.rows]
+        }
+        return named[stage.rows] if stage.rows in named else (int(self.bindings[stage.rows].shape[0]), 0)
 
     def task(self, stage: Stage, values: Mapping[str, Any] | None = None) -> Task:
         """Return the task of a stage on this level, with values of this task alone."""

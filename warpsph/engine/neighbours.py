@@ -18,7 +18,7 @@ from warpsph.engine import free_memory
 from warpsph.engine.launch import Bindings, Launcher, Task
 from warpsph.engine.population import Population
 from warpsph.errors import CapacityError
-from warpsph.kernels.core import cells, slack
+from warpsph.kernels.core import cells, slack, visibility
 from warpsph.kernels.core.clock import make_judge
 from warpsph.kernels.core.leaks import make_leaks
 from warpsph.kernels.core.mirror import code_shift, make_sides
@@ -150,6 +150,11 @@ class NeighbourList:
         self.cell_count = cell_count
         self._extremes = [[wp.empty(cell_count, dtype=vec, device=device) for _ in range(4)] for _ in range(3)]
         self.slack_maxima = wp.zeros(2 * launcher.threads, dtype=real, device=device)
+        if spec.tails:
+            # about a spacing, half the support, lies between the places of frames
+            bindings.update(
+                frame_reach=real(1.5 * self.list_radius), frame_corners=wp.zeros(2, dtype=vec, device=device)
+            )  # fmt: skip
         bindings.update(slack_maxima=self.slack_maxima, horizon=wp.zeros(1, dtype=real, device=device))
         self.check_tasks = self._make_check_tasks()
         self.width = 0
@@ -226,7 +231,8 @@ class NeighbourList:
         n, fluid, wall = particles.capacity, particles.fluid_capacity, particles.wall_count
         tasks = [launcher.task("keys", cells.make_keys(spec), fluid, bindings, special={"moving": int(moving)})]
         if wall:
-            tasks.append(launcher.task("keys", cells.make_keys(spec), wall, bindings, fluid, special={"moving": 0}))
+            still = int(moving and spec.moving)
+            tasks.append(launcher.task("keys", cells.make_keys(spec), wall, bindings, fluid, special={"moving": still}))
 
         def sort() -> None:
             wp.utils.radix_sort_pairs(self.sort_keys, self.sort_order, n, 0, self.key_bits)
@@ -255,6 +261,8 @@ class NeighbourList:
             special = {"dead_cell": self.cell_count}
             tasks.append(launcher.task("ranges", cells.make_live(), 1, bindings, single=True, special=special))
         tasks.append(launcher.task("list", cells.make_list(spec), n, bindings))
+        if spec.tails:
+            tasks += self._sight_tasks()
         if spec.interface:
             mark, gather = cells.make_band(spec)
             tasks.append(launcher.task("band", mark, fluid, bindings))
@@ -268,6 +276,16 @@ class NeighbourList:
                 tasks.append(launcher.task("band", gather, fluid, bindings))
         tasks.append(launcher.task("finish", cells.make_finish(spec.precision), 1, bindings, single=True))
         return tasks
+
+    def _sight_tasks(self) -> list[Task]:
+        """Return the tasks that take out of the list what thin tails of bodies hide, see `kernels/core/visibility.py`."""
+        spec, launcher, bindings = self.spec, self.launcher, self.bindings
+        find_box = visibility.make_frame_box(spec.dimension, spec.precision)
+        return [
+            launcher.task("sight", find_box, 1, bindings, single=True),
+            launcher.task("sight", visibility.make_nearest_frame(spec), self.particles.fluid_capacity, bindings),
+            launcher.task("sight", visibility.make_unsee(spec), self.particles.capacity, bindings),
+        ]
 
     def leak_tasks(self, place: str) -> list[Task]:
         """Return the tasks that count fluid beyond walls and inside bodies; none where nobody asks for it.
@@ -288,7 +306,7 @@ class NeighbourList:
     def _make_check_tasks(self) -> list[Task]:
         """Return the tasks that find out whether the list outlasts the next steps, see `kernels/core/slack.py`."""
         spec, launcher, bindings = self.spec, self.launcher, self.bindings
-        bindings.update(offset=self.particles.arrays["offset"], velocity=self.particles.arrays["velocity"])
+        bindings.update({name: self.particles.arrays[name] for name in ("offset", "velocity", "anchor", "position")})
         extremes, window, relative = slack.make_slack(spec)
         set_horizon, judge = make_judge(spec.precision)
         names = ("low_now", "high_now", "low_then", "high_then")

@@ -34,6 +34,7 @@ class Population:
         declared: names of all declared fields, those that this structure lacks too.
         changing: whether particles are born or die.
         live: returns the live count, where it changes.
+        grown: how many times the arrays were replaced by larger ones.
     """
 
     def __init__(
@@ -48,6 +49,7 @@ class Population:
         self.spec = spec
         self.changing = spec.changing
         self.live: Callable[[], int] | None = None
+        self.grown = 0
         self._start_count = fluid_count
         self.fluid_capacity = max(fluid_count, capacity or 0) if self.changing else fluid_count
         self.wall_count = wall_count
@@ -119,6 +121,7 @@ class Population:
 
     def grow(self, capacity: int) -> None:
         """Make room for more fluid particles; what is in the fields stays, walls move behind the new room."""
+        self.grown += 1
         old, self.fluid_capacity = self.fluid_capacity, max(capacity, self.fluid_capacity)
         for name, field in self.fields.items():
             if field.rows == "wall":

@@ -20,7 +20,7 @@ class Stage:
         name: shown to the user and in timings.
         kernel: Warp kernel; its arguments are bound by name.
         rows: what it runs over: fluid or wall particles, the interface band, blocks of particles, groups of
-            blocks, one thread, or a number of rows of its own.
+            blocks, one thread, a number of rows of its own, or the entries of an array of another name.
         reason: why this scene needs it.
         values: argument values of this stage alone, by name.
         fields: arguments of this stage that stand for fields of other names: argument -> field.
@@ -28,7 +28,7 @@ class Stage:
 
     name: str
     kernel: Any
-    rows: Rows | int
+    rows: Rows | str | int
     reason: str
     values: Mapping[str, Any] = dataclasses.field(default_factory=dict)
     fields: Mapping[str, str] = dataclasses.field(default_factory=dict)
@@ -129,6 +129,8 @@ class Program:
         first: nodes of the first step where it differs; it runs from the host.
         measures: nodes that gauges run on demand, by name.
         keeps_list: a restart has to build the list of the last build again, because a step begins with it.
+        changes: stages that run right before a list is made, where particles are born, die or change what they are. Births
+            count themselves as those of `Births`; where they find no room nothing changes and they run again.
     """
 
     step: Sequence[Node]
@@ -137,6 +139,7 @@ class Program:
     first: Sequence[Node] | None = None
     measures: Mapping[str, Sequence[Node]] = dataclasses.field(default_factory=dict)
     keeps_list: bool = True
+    changes: Sequence[Stage] = ()
 
     def __post_init__(self) -> None:
         """Refuse lists and births in places where the loop could not go on from.
@@ -155,7 +158,7 @@ class Program:
 
     def stages(self) -> Iterator[Stage]:
         """Yield all stages, those of start, first step and gauges too."""
-        for nodes in (self.step, self.start, self.first or (), (self.advance,), *self.measures.values()):
+        for nodes in (self.step, self.start, self.first or (), (self.advance,), self.changes, *self.measures.values()):
             yield from (node for node in walk(nodes) if isinstance(node, Stage))
 
 
@@ -169,8 +172,10 @@ def walk(nodes: Sequence[Node]) -> Iterator[Node]:
             yield from node.stages
 
 
-def lines(nodes: Sequence[Node], depth: int = 0) -> Iterator[tuple[int, str, str]]:
-    """Yield (depth, name, reason) of each node for people."""
+def lines(
+    nodes: Sequence[Node], depth: int = 0, changes: Sequence[Stage] = ()
+) -> Iterator[tuple[int, str, str]]:
+    """Yield (depth, name, reason) of each node for people; `changes` of the program stand below its lists."""
     for node in nodes:
         name = node.name if not isinstance(node, Substeps) else f"{node.name} ({node.times} times)"
         yield depth, name, node.reason
@@ -178,3 +183,5 @@ def lines(nodes: Sequence[Node], depth: int = 0) -> Iterator[tuple[int, str, str
             yield from lines(node.nodes, depth + 1)
         elif isinstance(node, Births):
             yield from lines(list(node.stages), depth + 1)
+        elif isinstance(node, BuildList | KeepList):
+            yield from lines(changes, depth + 1)

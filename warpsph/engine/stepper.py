@@ -59,7 +59,7 @@ class Stepper:
     ) -> None:
         self.scheme, self.levels, self._clock, self.choices = scheme, list(levels), clock, dict(choices or {})
         self.launcher = levels[0].launcher
-        self.nodes, self.start_nodes, self.first_nodes = Bound(self), Bound(self), Bound(self)
+        self.nodes, self.start_nodes, self.first_nodes, self.changes = Bound(self), Bound(self), Bound(self), Bound(self)
         self.births: dict[str, Bound] = {}
         self._bind()
 
@@ -131,6 +131,7 @@ class Stepper:
         self.nodes.bind(self.program.step, self.levels)
         self.start_nodes.bind(self.program.start, self.levels)
         self.first_nodes.bind(self.program.first or (), self.levels)
+        self.changes.bind(self.program.changes, self.levels)
         self._measures: dict[str, Bound] = {}
         self.restart_clock = self.levels[0].task(self.program.advance, {"advancing": 0})
         self._graph: Any = None
@@ -164,7 +165,7 @@ class Stepper:
 
         Returns whether one had to be widened, which stops the loop of steps.
         """
-        widened = False
+        widened = self._change() if moving else False
         for level in self.levels:
             while True:
                 for task in level.list.tasks if moving else level.list.tasks_again:
@@ -178,6 +179,17 @@ class Stepper:
                 widened = True
         self._resize()
         return widened
+
+    def _change(self) -> bool:
+        """Run the changes that come before a list, making room until all births fit; return whether any had to be made."""
+        grown = False
+        self.changes.run()
+        while self.program.changes and self.read()[1][ck.FAULT] == ck.FAULT_CAPACITY:
+            _, counters = self.read()
+            self.grow(int(counters[ck.WANTED]), int(counters[ck.GROWING]))
+            self.changes.run()
+            grown = True
+        return grown
 
     def _resize(self) -> None:
         """Let a CPU device run over the rows that there are; on CUDA the kernels return beyond them."""
@@ -297,13 +309,18 @@ class Stepper:
 
     def _go_on(self, fault: int) -> None:
         """Make room where a node found none, and do the rest of the step from the host."""
-        place = next(k for k, node in enumerate(self.program.step) if isinstance(node, STOPS[fault]))
-        if fault == ck.FAULT_LIST:
+        in_list = fault == ck.FAULT_LIST or bool(self.program.changes)
+        stops = STOPS[ck.FAULT_LIST if in_list else fault]
+        place = next(k for k, node in enumerate(self.program.step) if isinstance(node, stops))
+        if in_list:
             _, counters = self.read()
-            for level in self.levels:
-                level.widen(int(counters[ck.LIST_PEAK]))
-            self.write(counters={ck.FAULT: 0, ck.ROOM: 1})
-            self._bind()
+            if fault == ck.FAULT_LIST:
+                for level in self.levels:
+                    level.widen(int(counters[ck.LIST_PEAK]))
+                self.write(counters={ck.FAULT: 0, ck.ROOM: 1})
+                self._bind()
+            else:
+                self.grow(int(counters[ck.WANTED]), int(counters[ck.GROWING]))
             self.rebuild()
             place += 1
         self.nodes.run(place)
@@ -325,10 +342,18 @@ class Stepper:
         wp.capture_if(self._clock.flag(ck.CARE), care)
 
     def record_rebuild(self) -> None:
-        """Record a rebuild of all lists into a graph."""
-        for level in self.levels:
-            for task in level.list.tasks:
-                task.run()
+        """Record a rebuild of all lists into a graph; it is left out where births before it find no room."""
+
+        def build() -> None:
+            for level in self.levels:
+                for task in level.list.tasks:
+                    task.run()
+
+        if self.program.changes:
+            self.changes.record()
+            wp.capture_if(self._clock.flag(ck.ROOM), build)
+        else:
+            build()
 
     def flag(self, index: int) -> Any:
         """Return the array of one counter, for a condition of a captured graph."""
@@ -344,7 +369,7 @@ class Stepper:
     def timings(self) -> dict[str, float]:
         """Return the seconds spent in each node so far, by its name; tasks of the list are named `list: ...`."""
         seconds: dict[str, float] = {}
-        lists = [task for level in self.levels for task in (*level.list.tasks, *level.list.check_tasks)]
+        lists = [task for level in self.levels for task in (*level.list.tasks, *level.list.check_tasks)] + self.changes.tasks
         for label, task in [(t.name, t) for t in self.step_tasks] + [(f"list: {t.name}", t) for t in lists]:
             seconds[label] = seconds.get(label, 0.0) + task.seconds
         return seconds

@@ -165,7 +165,7 @@ def _far_field(
 
     at = [bins_of(x[:, k], k) for k in (0, 1)]
     inside = ((x >= low) & (x <= low + extent)).all(axis=1)
-    # a free surface runs through a bin that fluid and obstacles do not fill
+    # a free surface runs through a bin that fluid and bodies do not fill
     reached = [around(amount(inside) < 0.6 * size.prod())]
     reached += [around(amount(phase == k) > 0.0) for k in range(phases)]
     mixed = np.sum(reached, axis=0) > 1

@@ -11,6 +11,9 @@
 | strays | the name of each phase |
 | interface_length | interface_length |
 | wall_force | force_x ..., and `force_x block` ... for each body |
+| elevation | `surface_1`, `surface_2` ... above each place |
+| flow_rate | `flow x_lower`, `through x_lower`, `face_pressure x_lower` ... of each inlet and outlet |
+| reattachment | separation, reattachment |
 | points, line | position and fields, one row for each point |
 
 What each looks at is in its `needs`.
@@ -37,6 +40,8 @@ from warpsph.case.columns import OWN_COLUMNS, Column
 from warpsph.case.gauge_models import REGISTERED, GaugeModel
 from warpsph.errors import CaseError, Problem, listed
 from warpsph.files.output import Schedule
+from warpsph.measure.elevation import ElevationGauge
+from warpsph.measure.flow_gauges import FlowRateGauge, ReattachmentGauge
 from warpsph.measure.gauge import Gauge, Needs
 from warpsph.measure.gauge_files import GaugeFile
 from warpsph.measure.phase_gauges import (
@@ -62,8 +67,11 @@ GAUGES: dict[str, type[Gauge]] = {
     "strays": StraysGauge,
     "interface_length": InterfaceLengthGauge,
     "wall_force": WallForceGauge,
+    "elevation": ElevationGauge,
     "points": PointsGauge,
     "line": LineGauge,
+    "flow_rate": FlowRateGauge,
+    "reattachment": ReattachmentGauge,
 }
 
 
@@ -131,7 +139,7 @@ class GaugeSet:
             twice = next((column for column in names if names.count(column) > 1), None)
             if twice is not None:
                 rule = f"has two columns called {twice!r}"
-                raise CaseError([Problem(f"gauges.{name}", spec.type, rule, "rename the phase or obstacle")])
+                raise CaseError([Problem(f"gauges.{name}", spec.type, rule, "rename the phase or body")])
             self.gauges[name] = gauge
             self._tables[name] = GaugeFile(columns, None if folder is None else folder / f"{name}.csv")
             self.schedules[name] = schedule_of(spec)

@@ -14,7 +14,7 @@ the mean length of all lines c = const: no line is special, so the measure chang
 |grad C| V, for comparison, drifts by 3 to 6 % as they leave their lattice.
 
 Near walls c is a share of the fluid that is there, and the line goes on straight to the wall; nodes of which less than half
-the surroundings is fluid, in obstacles or beyond a free surface, do not count.
+the surroundings is fluid, in bodies or beyond a free surface, do not count.
 """
 
 from __future__ import annotations

@@ -117,7 +117,11 @@ class InterfaceLengthGauge(Gauge):
 
 
 class WallForceGauge(Gauge):
-    """Force of the fluid on the walls: of all bodies together, and of each (`wall_bodies`)."""
+    """Force of the fluid on the walls: of all bodies together, and of each (`wall_bodies`).
+
+    Of the bodies of the case also the parts of pressure and friction, and the torque about `pivot` [m], or about the
+    centre of the surface.
+    """
 
     needs = Needs.of(extra=("wall_force",))
 
@@ -126,7 +130,20 @@ class WallForceGauge(Gauge):
         self.bodies = wall_bodies(case)
 
     def row(self, snapshot: Snapshot) -> list[float]:
-        forces = np.array(
-            [[self.extra(snapshot, f"wall_force_{axis} {body}") for axis in self.axes] for body in self.bodies]
-        ).reshape(-1, self.dimension)
-        return [*forces.sum(axis=0), *forces.ravel()]
+        forces = np.array([self._vector(snapshot, "wall_force", body) for body in self.bodies])
+        forces = forces.reshape(-1, self.dimension)
+        parts = (part for body in self.case.bodies for part in self._parts(snapshot, body))
+        return [*forces.sum(axis=0), *forces.ravel(), *parts]
+
+    def _vector(self, snapshot: Snapshot, quantity: str, body: str) -> np.ndarray:
+        return np.array([self.extra(snapshot, f"{quantity}_{axis} {body}") for axis in self.axes])
+
+    def _parts(self, snapshot: Snapshot, body: str) -> list[float]:
+        force = self._vector(snapshot, "wall_force", body)
+        friction = self._vector(snapshot, "wall_friction", body)
+        turning = self.axes if self.dimension == 3 else ("z",)
+        torque = np.array([self.extra(snapshot, f"wall_torque_{axis} {body}") for axis in turning])
+        if self.spec.pivot is not None:
+            arm = self._vector(snapshot, "wall_centre", body) - np.array(self.spec.pivot)
+            torque = torque + (np.cross(arm, force) if self.dimension == 3 else arm[0] * force[1] - arm[1] * force[0])
+        return [*(force - friction), *friction, *torque]

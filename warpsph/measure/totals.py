@@ -14,6 +14,7 @@ from typing import Any, ClassVar, Protocol, Self, TypeVar
 
 import numpy as np
 
+from warpsph.case.signals import varies, vector_at
 from warpsph.snapshot import Snapshot
 
 
@@ -67,13 +68,18 @@ class Scene:
         self.phase_names: list[str] = list(case.phase_names)
         known = eos if eos is not None else eos_of_case(case)
         self.eos = [known[name] for name in self.phase_names] if known else None
-        self.gravity = np.asarray(case.gravity, np.float64)
+        self._gravity = case.gravity
+        self.gravity_varies = varies(case.gravity)
         central = case.central_force
         self.pull = 0.0 if central is None else float(central.rate) ** 2
         self.center = np.zeros(self.dimension) if central is None else np.asarray(central.center, np.float64)
         self.lower = np.asarray(case.domain.lower, np.float64)
         self.upper = np.asarray(case.domain.upper, np.float64)
         self.periodic = tuple(case.periodic)
+
+    def gravity_at(self, time: float) -> np.ndarray:
+        """Gravity at a time [s], (d,) m/s^2."""
+        return np.asarray(vector_at(self._gravity, time), np.float64)
 
     @property
     def phase_count(self) -> int:
@@ -152,7 +158,7 @@ class Energies:
     kinetic: np.ndarray
     """(P,)"""
     potential: np.ndarray
-    """(P,) sum of m (-g.x + B^2 |x - c|^2/2), B and c those of a central force"""
+    """(P,) sum of m (-g.x + B^2 |x - c|^2/2), g at the moment, B and c those of a central force"""
     elastic: np.ndarray
     """(P,) see PhaseEos; 0 if the scene has no equations of state"""
 
@@ -165,7 +171,8 @@ class Energies:
         mass = np.asarray(snapshot.mass, np.float64)
         velocity = np.asarray(snapshot.velocity, np.float64)
         way = snapshot.position - scene.center
-        height = 0.5 * scene.pull * np.einsum("ij,ij->i", way, way) - snapshot.position @ scene.gravity
+        gravity = scene.gravity_at(snapshot.time)
+        height = 0.5 * scene.pull * np.einsum("ij,ij->i", way, way) - snapshot.position @ gravity
         elastic = np.zeros(len(mass))
         for index, eos in enumerate(scene.eos or []):
             mine = snapshot.phase == index

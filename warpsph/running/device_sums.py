@@ -12,7 +12,8 @@ import warp as wp
 from warpsph.engine.launch import Bindings, Launcher, Task
 from warpsph.engine.population import Population
 from warpsph.kernels.core import phase_sums
-from warpsph.measure.totals import PhaseSums, Places, Scene, cut_of, no_cuts
+from warpsph.kernels.core.clock import TIME
+from warpsph.measure.totals import Energies, PhaseSums, Places, Scene, cut_of, no_cuts
 
 BLOCKS = {True: 256, False: 65536}  # partial sums of each phase, on a CPU and on a GPU
 FOLDS = {True: 256, False: 1024}  # what is left of them for the host
@@ -35,6 +36,7 @@ class DeviceSums:
     ) -> None:
         self.particles, self.launcher, self.scene, self.staggered = particles, launcher, scene, staggered
         device = launcher.device
+        self.zones = "zone" in particles.arrays
         self.blocks, self.folds = BLOCKS[launcher.is_cpu], FOLDS[launcher.is_cpu]
         self.bins = scene.bins(spacing)
         self._cuts = wp.zeros(scene.phase_count, dtype=wp.vec3d, device=device)
@@ -45,7 +47,7 @@ class DeviceSums:
                 **particles.arrays,
                 "clock": clock,
                 "block_count": self.blocks,
-                "fluid_count": particles.fluid_count,
+                "fluid_count": particles.fluid_capacity,
                 "scene": _device_scene(scene),
                 "materials": wp.array(_materials(scene), dtype=wp.vec4d, device=device),
                 "cuts": self._cuts,
@@ -86,6 +88,9 @@ class DeviceSums:
             extent = self.scene.upper - self.scene.lower
             self._cuts.assign(_three(np.where(cut, cuts, 0.0)))
             self._periods.assign(_three(np.where(cut, extent, 0.0)))
+        if kind is Energies and self.scene.gravity_varies:
+            self._bindings["scene"] = _device_scene(self.scene, float(self._bindings["clock"].numpy()[TIME]))
+            self._reductions.pop(kind.group, None)
         totals, largest = self._reduce(kind.group)
         if kind is Places:
             self._periods.zero_()
@@ -114,7 +119,7 @@ class DeviceSums:
     def _reduction(self, group: str) -> tuple[list[Callable[[], None]], Any, Any]:
         spec = self.particles.spec
         kernel, total, most = phase_sums.make_phase_sums(
-            group, spec.dimension, spec.precision, spec.multiphase, self.staggered, self.launcher.is_cpu
+            group, spec.dimension, spec.precision, spec.multiphase, self.staggered, self.launcher.is_cpu, self.zones
         )
         phases = self.scene.phase_count
         rows = phases * self.blocks
@@ -143,7 +148,7 @@ class DeviceSums:
     def _marking(self) -> tuple[Task, Any]:
         """The task that marks which slices of the periodic axes a phase is in, and the marks."""
         spec, scene = self.particles.spec, self.scene
-        kernel = phase_sums.make_mark_bins(spec.dimension, spec.precision, spec.multiphase)
+        kernel = phase_sums.make_mark_bins(spec.dimension, spec.precision, spec.multiphase, self.zones)
         most = int(self.bins.max())
         occupied = wp.zeros(scene.phase_count * 3 * most, dtype=wp.uint8, device=self.launcher.device)
         special = {
@@ -153,7 +158,7 @@ class DeviceSums:
             "bins": wp.vec3i(*map(int, _three(self.bins))),
             "occupied": occupied,
         }
-        return self.launcher.task("bins", kernel, self.particles.fluid_count, self._bindings, special=special), occupied
+        return self.launcher.task("bins", kernel, self.particles.fluid_capacity, self._bindings, special=special), occupied
 
 
 def _nothing() -> None:
@@ -176,7 +181,7 @@ class Nearby:
         self.count = np.maximum((extent / reach).astype(np.int64), 1)
         self.size = extent / self.count
         self._tasks: dict[bytes, Callable[[], None]] = {}
-        self._near = wp.zeros(particles.fluid_count, dtype=wp.uint8, device=launcher.device)
+        self._near = wp.zeros(particles.fluid_capacity, dtype=wp.uint8, device=launcher.device)
 
     def rows(self, points: np.ndarray) -> np.ndarray:
         """Return the rows of fluid particles, in their present order, among which are all within reach of the points.
@@ -202,7 +207,7 @@ class Nearby:
 
     def _task(self, wanted: np.ndarray) -> Task:
         spec, scene, device = self.particles.spec, self.scene, self.launcher.device
-        bindings = Bindings(device, self.particles.arrays)
+        bindings = Bindings(device, self.particles.arrays, self.particles.declared)
         special = {
             "cells_lower": wp.vec3d(*_three(scene.lower)),
             "cell_size": wp.vec3d(*_three(self.size)),
@@ -211,8 +216,8 @@ class Nearby:
             "wanted_cells": wp.array(wanted.ravel(), dtype=wp.uint8, device=device),
             "near": self._near,
         }
-        kernel = phase_sums.make_mark_near(spec.dimension, spec.precision)
-        return self.launcher.task("near", kernel, self.particles.fluid_count, bindings, special=special)
+        kernel = phase_sums.make_mark_near(spec.dimension, spec.precision, "zone" in self.particles.arrays)
+        return self.launcher.task("near", kernel, self.particles.fluid_capacity, bindings, special=special)
 
 
 def _three(values: np.ndarray) -> np.ndarray:
@@ -222,10 +227,10 @@ def _three(values: np.ndarray) -> np.ndarray:
     return padded
 
 
-def _device_scene(scene: Scene) -> Any:
-    """The scene as kernels see it."""
+def _device_scene(scene: Scene, time: float = 0.0) -> Any:
+    """The scene as kernels see it, with gravity as it is at a time [s]."""
     result = phase_sums.make_scene()()
-    result.gravity = wp.vec3d(*_three(scene.gravity))
+    result.gravity = wp.vec3d(*_three(scene.gravity_at(time)))
     result.center = wp.vec3d(*_three(scene.center))
     result.pull = wp.float64(scene.pull)
     result.middle = wp.vec3d(*_three(scene.middle))

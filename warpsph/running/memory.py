@@ -16,9 +16,12 @@ import numpy as np
 from warpsph.engine import free_memory
 from warpsph.engine.neighbours import MOST_PARTICLES, default_width, grid_layout
 from warpsph.errors import CapacityError, CaseError, ExpressionError, Problem
+from warpsph.scene.body_surfaces import surface_of
 from warpsph.scene.lattice import Lattice, make_lattice
 from warpsph.scene.masks import inside
+from warpsph.scene.open_faces import buffer_layers, open_axis, open_sides
 from warpsph.scene.physics import support_radius
+from warpsph.scene.surfaces import ShapeError
 
 if TYPE_CHECKING:
     from warpsph.case.case import Case
@@ -72,7 +75,7 @@ def count(case: Case, support: float) -> Count:
     lattice = make_lattice(case, support)
     domain = math.prod(lattice.count)
     fluid, solid = _shares(case, lattice)
-    walls = round(solid * domain)
+    walls = min(round(solid * domain), _boundary_particles(case, lattice, support))
     if not case.scheme.mirrors_sides:
         free = 1
         for n, sides, (before, after) in zip(lattice.count, case.sides, lattice.layers, strict=True):
@@ -80,6 +83,18 @@ def count(case: Case, support: float) -> Count:
         walls += math.prod(lattice.shape) - free
     filled = fluid + solid == 1.0 and not case.has_open_sides
     return Count(math.prod(lattice.shape), round(fluid * domain), walls, filled, lattice)
+
+
+def _boundary_particles(case: Case, lattice: Lattice, support: float) -> int:
+    """Return about how many boundary particles the bodies have: layers as deep as the support along their surfaces."""
+    layers = math.ceil(support / case.spacing - 1e-9)
+    low, high = np.array(lattice.lower), np.array(lattice.upper)
+    total = 0.0
+    for body in case.bodies.values():
+        with suppress(ExpressionError, ShapeError):  # told with its place when the geometry is built
+            _, _, area = surface_of(case, body, low, high).patches(case.spacing)
+            total += layers * float(area.sum()) / case.spacing ** (lattice.dimension - 1)
+    return math.ceil(total)
 
 
 def _shares(case: Case, lattice: Lattice) -> tuple[float, float]:
@@ -104,7 +119,7 @@ def _shares(case: Case, lattice: Lattice) -> tuple[float, float]:
                     mask |= ~own if getattr(owner, "hollow", False) else own
         return mask
 
-    solid = covered([*case.obstacles, *case.bodies.values()])
+    solid = covered(case.bodies.values())
     return float((covered(case.fluids) & ~solid).mean()), float(solid.mean())
 
 
@@ -133,6 +148,7 @@ def on_device(case: Case, spec: Spec, fluid: int, walls: int, support: float, sk
         support: support radius [m]; skin: of the list as share of it.
         lattice: cells of the domain, for its box.
     """
+    fluid += buffered(case, spec, support, skin, lattice)
     real = 8 if spec.precision == "float64" else 4
     size = {"real": real, "vec": spec.dimension * real, "mat": spec.dimension**2 * real, "pair": 2 * real}
     size.update(int8=1, uint8=1, int16=2, int32=4)
@@ -179,8 +195,19 @@ def _structure(case: Case, found: Count, row_list: bool) -> Spec:
         paper_star=paper and several,
         shifting=shifting,
         scheme=case.numerics.scheme,
+        changing=case.has_flow_through,
+        open_axis=open_axis(case),
         row_list=row_list,
     )
+
+
+def buffered(case: Case, spec: Spec, support: float, skin: float, lattice: Lattice) -> int:
+    """Return how many particles the buffers of inlets and outlets hold."""
+    if spec.open_axis < 0:
+        return 0
+    layers = buffer_layers(support, skin, lattice.spacing[spec.open_axis])
+    face = math.prod(lattice.count) // lattice.count[spec.open_axis]
+    return sum(layers * face for _ in open_sides(case))
 
 
 def expected_on_device(case: Case, found: Count, row_list: bool = True) -> int:

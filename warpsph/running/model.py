@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import gc
 import math
 import os
@@ -12,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import warp as wp
 
+from warpsph.case.signals import vector_at
 from warpsph.engine.device_clock import DeviceClock
 from warpsph.engine.launch import Launcher
 from warpsph.engine.level import Level
@@ -20,16 +20,22 @@ from warpsph.engine.population import Population
 from warpsph.engine.stepper import Stepper
 from warpsph.errors import WarpsphError
 from warpsph.kernels.core import clock as ck
+from warpsph.kernels.core.fields import FLUID as IN_FLUID
 from warpsph.kernels.core.leaks import LARGEST, LAST
 from warpsph.kernels.core.mirror import FREE_SLIP, NO_SLIP, NO_WALL, make_sides
 from warpsph.kernels.core.params import make_params, make_phase
+from warpsph.kernels.core.poses import make_pose
 from warpsph.kernels.core.smoothing import KERNELS, window_integral
 from warpsph.kernels.core.spec import types_of
+from warpsph.kernels.core.time_signals import FORCING_SIZE, depends_on_time
 from warpsph.measure.totals import Scene, eos_of_run
 from warpsph.running import memory
 from warpsph.running.device_sums import DeviceSums
 from warpsph.running.state_copy import copy_state
+from warpsph.running.wall_loads import WallLoads
+from warpsph.scene.forcing import forcing_of
 from warpsph.scene.geometry import Geometry, build
+from warpsph.scene.open_faces import buffer_layers
 from warpsph.scene.packing import Packer
 from warpsph.scene.physics import Physics, contact_matrix, derive, support_radius
 from warpsph.snapshot import Snapshot
@@ -93,6 +99,7 @@ class Model:
             if refused is not None:
                 raise refused
         self.geometry = geometry if geometry is not None else build(case, support_radius(case))
+        self.forcing = forcing_of(case)
         self.physics: Physics = derive(case, self.geometry, row_list=self.launcher.is_cpu)
         unlock = float(self.physics.choices["unlock"])
         fitted = self.geometry.arrangement == "fitted"
@@ -101,7 +108,10 @@ class Model:
             del self.geometry  # of millions of particles there is no room for two
             self.geometry = build(case, self.physics.support, unlock, arrange)
         counts = self.geometry.fluid_count, self.geometry.wall_count
-        room = self.scheme.room(case, self.geometry)
+        room = self.scheme.room(case, self.geometry, self.physics)
+        self._loads: WallLoads | None = None
+        self._sums: DeviceSums | None = None
+        self._grown = 0
         self.particles = Population(self.physics.spec, self.scheme.fields(), *counts, self.device, room)
         self._fill()
         self.stepper = self._make_stepper()
@@ -125,6 +135,8 @@ class Model:
             lattice, wall = geometry.lattice, geometry.position[nf:]
             beyond = np.maximum(np.maximum(np.array(lattice.lower) - wall, wall - np.array(lattice.upper)), 0.0)
             particles.put("wall_depth", np.linalg.norm(beyond, axis=1))
+        if "wall_sides" in particles.arrays:
+            particles.put("wall_sides", geometry.wall_sides[nf:])
         if geometry.surface is not None:
             self._fill_surface(geometry.surface)
         if "slip" in particles.arrays:
@@ -136,9 +148,15 @@ class Model:
         particles = self.particles
         particles.put("wall_depth", surface.depth)
         particles.put("wall_normal", surface.normal)
+        if "home" in particles.arrays:
+            particles.put("home", self.geometry.position[self.geometry.fluid_count :])
+            particles.put("home_normal", surface.normal)
         particles.put("wall_area", surface.area)
         particles.put("boundary_volume", surface.volume)
         particles.put("leader", surface.leader)
+        if self.physics.spec.tails:
+            particles.put("sheet", surface.sheet)
+            particles.put("frame", surface.frame)
 
     def _make_stepper(self) -> Stepper:
         """Return the step loop: one clock, and one level of a uniform resolution."""
@@ -159,16 +177,30 @@ class Model:
         return {
             "params": params,
             "sides": self._sides(),
+            **self._signals(),
             "phases": wp.array(phases, dtype=make_phase(spec.precision), device=self.device),
             "tension": wp.array(physics.tension.ravel(), dtype=real, device=self.device),
             "phase_count": len(case.phases),
             "first_wall_id": self.geometry.fluid_count,
             # with an open side fluid may come to lie beyond a wall over its rim, else nowhere
             "wall_thickness": real(physics.support if case.has_open_sides else 1.0e30),
+            **self._frames(),
             **self._solid_cells(),
             "contact_angles": wp.array(contact_matrix(case).ravel(), dtype=real, device=self.device),
             **own,
         }
+
+    def _frames(self) -> dict[str, Any]:
+        """Return the frames of lines of sight at thin tails of bodies, by kernel argument name; see `visibility`."""
+        surface = self.geometry.surface
+        if surface is None or not self.physics.spec.tails:
+            return {}
+        vec, frames = types_of(self.physics.spec).vec, surface.frames
+        across = np.stack([-frames.along[:, 1], frames.along[:, 0]], axis=1)
+        columns = {"point": frames.point, "edge": frames.edge, "along": frames.along, "across": across}
+        extent: Any = wp.array(np.minimum(frames.extent, 1.0e30), dtype=types_of(self.physics.spec).real, device=self.device)
+        arrays: dict[str, Any] = {name: wp.array(c, dtype=vec, device=self.device) for name, c in columns.items()}
+        return {f"frame_{name}": array for name, array in {**arrays, "extent": extent}.items()}
 
     def _params(self) -> Any:
         """Return `Params` with the members that follow from case and kernel; the scheme sets its own."""
@@ -188,8 +220,9 @@ class Model:
         params.box = vec(*box)
         # an axis without period never wraps: its half period is out of reach
         params.half_box = vec(*(0.5 * b if b > 0 else 1.0e30 for b in box))
-        params.gravity = vec(*map(float, case.gravity))
-        params.body_force = vec(*map(float, case.body_force))
+        balanced, driving = self.forcing.start()
+        params.gravity = vec(*map(float, balanced))
+        params.body_force = vec(*map(float, driving))
         params.tiny = (1.0e-6 * h) ** 2
         params.center = vec(*map(float, case.central_force.center if case.central_force else [0.0] * d))
         params.pull = case.central_force.rate ** 2 if case.central_force else 0.0
@@ -226,6 +259,9 @@ class Model:
         margin = physics.support if geometry.wall_count else 0.0
         open_room = 4 * physics.support if case.has_open_sides else 0.0
         room = [0.0 if p else margin + open_room for p in spec.periodic]
+        if spec.open_axis >= 0:
+            layers = buffer_layers(physics.support, skin, geometry.lattice.spacing[spec.open_axis])
+            room[spec.open_axis] = max(room[spec.open_axis], (layers + 1) * geometry.lattice.spacing[spec.open_axis])
         return {
             "lower": [low - r for low, r in zip(geometry.lattice.lower, room, strict=True)],
             "upper": [u + r for u, r in zip(geometry.lattice.upper, room, strict=True)],
@@ -268,16 +304,48 @@ class Model:
             for side in (axis.lower, axis.upper):
                 wall = side.kind == "wall"
                 kinds.append((FREE_SLIP if side.wall == "free_slip" else NO_SLIP) if wall else NO_WALL)
-                speeds.append(list(side.velocity) if wall and side.velocity else [0.0] * spec.dimension)
+                speeds.append(vector_at(side.velocity) if wall and side.velocity else [0.0] * spec.dimension)
         sides.kind = wp.array(kinds, dtype=int, device=self.device)
         sides.velocity = wp.array(np.array(speeds), dtype=vec, device=self.device)
         self._kept_sides = sides  # the arrays in it live as long as this
         return sides
 
+    def _signals(self) -> dict[str, Any]:
+        """Return what the stage `signals` reads and writes, by kernel argument; nothing where nothing depends on time."""
+        spec, device = self.physics.spec, self.device
+        if not depends_on_time(spec):
+            return {}
+        vec = types_of(spec).vec
+        first, begin, terms = self.forcing.arrays()
+        return {
+            "held": vec(*map(float, self.forcing.held)),
+            "signal_first": wp.array(first, dtype=int, device=device),
+            "signal_begin": wp.array(begin, dtype=wp.float64, device=device),
+            "signal_terms": wp.array(terms, dtype=wp.float64, device=device),
+            "forcing": wp.zeros(FORCING_SIZE, dtype=vec, device=device),
+            "impulse": wp.zeros(spec.dimension, dtype=wp.float64, device=device),
+            "side_velocity": self._kept_sides.velocity,  # the mirrors of a scheme that has some move at once
+            **self._motions(),
+        }
+
+    def _motions(self) -> dict[str, Any]:
+        """Return what the motions of bodies are made of, by kernel argument."""
+        tracks, device = self.forcing.tracks, self.device
+        number = {track.name: k for k, track in enumerate(tracks)}
+        of_body = [-1, *(number.get(name, -1) for name in self.geometry.body_names)]
+        pivots = [[*track.pivot, 0.0][:3] for track in tracks]
+        return {
+            "body_pivot": wp.array(np.reshape(pivots, (-1, 3)), dtype=wp.vec3d, device=device),
+            "body_axis": wp.array(np.reshape([track.axis for track in tracks], (-1, 3)), dtype=wp.vec3d, device=device),
+            "body_motion": wp.array(of_body, dtype=int, device=device),
+            "poses": wp.zeros(2 * len(tracks), dtype=make_pose(), device=device),
+        }
+
     def _solid_cells(self) -> dict[str, Any]:
-        """Return which cells of the domain a body fills, by kernel argument; no cells if there is no body."""
-        lattice = self.geometry.lattice
-        walls = self.geometry.position[self.geometry.kind == 1]
+        """Return which cells of the domain a body fills that stays there, by kernel argument; no cells if there is none."""
+        lattice, names = self.geometry.lattice, self.geometry.body_names
+        moving = [names.index(track.name) + 1 for track in self.forcing.tracks]
+        walls = self.geometry.position[(self.geometry.kind == 1) & ~np.isin(self.geometry.body, moving)]
         index = np.floor((walls - np.array(lattice.lower)) / np.array(lattice.spacing)).astype(int)
         inside = ((index >= 0) & (index < np.array(lattice.count))).all(axis=1)
         cells = np.zeros(lattice.count if inside.any() else 0, dtype=np.uint8)
@@ -334,20 +402,36 @@ class Model:
         """Return a host copy of the state, rows in the order of the particle ids, velocity at the time of the positions."""
         return copy_state(self).snapshot()
 
-    @functools.cached_property
+    @property
     def sums(self) -> DeviceSums:
         """Sums of the state over phases, walls and interfaces.
 
         Raises:
             WarpsphError: the number of particles changes, which these sums do not follow.
         """
-        if self.particles.changing:
+        if self._sums is not None and self._grown == self.particles.grown:
+            return self._sums
+        if self.particles.changing and "zone" not in self.particles.arrays:
             raise WarpsphError(
                 f"gauges: those that add up particles do not follow the births and deaths of scheme {self.scheme.name}; "
                 "take a gauge that reads the particles themselves"
             )
         scene = Scene(self.case, eos_of_run(self.case, self.physics.sound_speed))
-        return DeviceSums(self.particles, self.launcher, self.stepper.clock, scene, self.case.spacing, self.scheme.staggered)
+        staggered = self.scheme.staggered
+        self._sums = DeviceSums(self.particles, self.launcher, self.stepper.clock, scene, self.case.spacing, staggered)
+        self._grown = self.particles.grown
+        return self._sums
+
+    @property
+    def fluid_count(self) -> int:
+        """Fluid particles in the domain, without those in the buffers of open sides."""
+        if "zone" not in self.particles.arrays:
+            return self.particles.fluid_count
+        return int(np.count_nonzero(self.particles.get("zone") == IN_FLUID))
+
+    def flow_rates(self) -> dict[str, float]:
+        """Return what goes through inlets and outlets, see `warpsph.measure.flow_gauges`."""
+        return self.scheme.flow_rates(self.case, self.geometry, self.physics, self.stepper.bindings)
 
     def interface_length(self) -> float:
         """Return the length (3-D: area) of all interfaces: the volume integral of |grad C| [m^(d-1)]."""
@@ -356,28 +440,17 @@ class Model:
 
     def wall_load(self) -> Any:
         """Return the force of the fluid on each wall particle, a Warp array of (walls,) vectors [N]."""
-        bindings = self.stepper.bindings
-        if "load" not in bindings:
-            vec = types_of(self.physics.spec).vec
-            bindings["load"] = wp.zeros(self.particles.wall_count, dtype=vec, device=self.device)
-        self.stepper.measure("wall_load")
-        return bindings["load"]
+        return self._wall_loads.measure()
 
     def wall_forces(self) -> dict[str, float]:
-        """Return the force of the fluid on the walls: `wall_force_x <body>` -> N (2-D: per metre of depth).
+        """Return what the fluid does to each wall body, see `WallLoads.forces`."""
+        return self._wall_loads.forces()
 
-        The sides of the domain count as one body, `domain`; every obstacle is one of its own.
-        """
-        bodies = self.geometry.body_names
-        load = self.sums.body_forces(self.wall_load(), len(bodies))
-        sides = {f"{axis}_{end}" for axis in "xyz" for end in ("lower", "upper")}
-        names = np.array([("domain" if name in sides else name) for name in bodies])
-        forces: dict[str, float] = {}
-        for name in dict.fromkeys(["domain", *names.tolist()]):
-            total = load[names == name].sum(axis=0)
-            for axis, value in zip("xyz", total, strict=False):
-                forces[f"wall_force_{axis} {name}"] = float(value)
-        return forces
+    @property
+    def _wall_loads(self) -> WallLoads:
+        if self._loads is None or self._loads.sums is not self.sums:  # both anew where the particles got more room
+            self._loads = WallLoads(self.case, self.geometry, self.particles, self.launcher, self.stepper, self.sums)
+        return self._loads
 
     def save_state(self) -> dict[str, np.ndarray]:
         """Return everything a restart needs, by name."""
@@ -387,8 +460,14 @@ class Model:
             "clock": np.array(clock),
             "counters": np.array(counters),
             "maxima": self.stepper.maxima.numpy().reshape(-1, ck.MAXIMA).max(axis=0),
-            "leak_counts": self.stepper.bindings["leak_counts"].numpy(),
+            "leak_counts": np.array(self.stepper.bindings["leak_counts"].numpy()),
+            # copies: on a CPU these are the arrays themselves, which go on changing while a checkpoint is written
+            **{name: np.array(self.stepper.bindings[name].numpy()) for name in self._kept_arrays()},
         }
+
+    def _kept_arrays(self) -> list[str]:
+        """Return the names of the arrays beside the fields that a restart goes on from."""
+        return [name for name in self.scheme.kept if name in self.stepper.bindings]
 
     def _make_room(self, state: dict[str, np.ndarray]) -> None:
         """Make room for the particles of a saved state, of which there may be more than at the start, or fewer."""
@@ -413,6 +492,10 @@ class Model:
         self.stepper.maxima.assign(np.tile(state["maxima"], self.launcher.threads))
         if "leak_counts" in state:  # checkpoints from before did not count
             self.stepper.bindings["leak_counts"].assign(state["leak_counts"])
+        for name in self._kept_arrays():
+            if name not in state:
+                raise ValueError(f"the saved state has no {name}")
+            self.stepper.bindings[name].assign(state[name])
         clock = np.array(self.stepper.read()[0])
         saved = state["clock"]
         clock[ck.CLOCK.kept] = saved[ck.CLOCK.kept]

@@ -47,6 +47,7 @@ def describe(case: CaseLike) -> dict[str, Any]:
     known["start.arrangement"] = geometry.arrangement
     spec = physics.spec
     program = case.scheme.program(spec, physics.choices)
+    shown = lines(program.step, changes=program.changes)
     return {
         "resolved": case.resolved(known),
         "structure": {
@@ -58,7 +59,7 @@ def describe(case: CaseLike) -> dict[str, Any]:
             "fields": [field.name for field in case.scheme.fields() if field.exists(spec)],
         },
         "reasons": {**physics.reasons, "start.arrangement": geometry.arrangement_reason},
-        "stages": [{"name": name, "reason": reason, "depth": depth} for depth, name, reason in lines(program.step)],
+        "stages": [{"name": name, "reason": reason, "depth": depth} for depth, name, reason in shown],
         "absent": [{"name": row.name, "reason": row.reason} for row in case.scheme.absent(spec)],
         "warnings": [*geometry.warnings, *physics.warnings],
     }

@@ -48,6 +48,7 @@ class Recorder:
             for lower, upper, wraps in zip(lattice.lower, lattice.upper, periodic, strict=True)
         ]
         self._nearby: Nearby | None = None
+        self._grown = 0
 
     def take(self, names: Iterable[str]) -> Record:
         """Take what these gauges need of the present state; called by the thread of the run."""
@@ -58,6 +59,8 @@ class Recorder:
             extra["interface_length"] = model.interface_length()
         if "wall_force" in needs.extra:
             extra.update(model.wall_forces())
+        if "flow_rate" in needs.extra:
+            extra.update(model.flow_rates())
         around = None
         if needs.samples:
             points = self.gauges.sample_points
@@ -82,7 +85,8 @@ class Recorder:
 
     def _around(self, points: np.ndarray) -> np.ndarray:
         """Rows of the fluid particles within reach of the points (n, d)."""
-        if self._nearby is None:
-            model = self.model
+        model = self.model
+        if self._nearby is None or self._grown != model.particles.grown:
             self._nearby = Nearby(model.particles, model.launcher, self.gauges.scene, model.physics.support)
+            self._grown = model.particles.grown
         return self._nearby.rows(points)

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 REACHED = 1.0e-12  # a time counts as reached within this share of it: the sum of the steps is rounded
 SAME_CASE = "restart with the case of its run"
 # What a checkpoint was made of; a restart may change anything else.
-SCENE = ("dimension", "particle_spacing", "precision", "domain", "fluids", "obstacles")
+SCENE = ("dimension", "particle_spacing", "precision", "domain", "fluids", "bodies")
 
 
 def reached(moment: float, target: float) -> bool:
@@ -76,7 +76,7 @@ def check_fit(model: Model, state: Mapping[str, np.ndarray], attributes: Mapping
             rule = f"the checkpoint was written with {short(saved.get(key), 200)}"
             problems.append(Problem(key, value, rule, SAME_CASE))
     count = len(state.get("anchor", ()))
-    if not problems and count != model.particles.count:
+    if not problems and not model.particles.changing and count != model.particles.count:
         rule = f"the checkpoint holds {count} particles, the case {model.particles.count}"
         problems.append(Problem("restart", count, rule, SAME_CASE))
     if problems:

@@ -10,6 +10,7 @@ import numpy as np
 import warp as wp
 
 from warpsph.kernels.core import clock as ck
+from warpsph.kernels.core.fields import FLUID as IN_FLUID
 from warpsph.snapshot import FLUID, OPTIONAL_FIELDS, WALL, Snapshot
 
 if TYPE_CHECKING:
@@ -77,6 +78,8 @@ class StateCopy:
         if "alive" in self.arrays:
             there = np.ones(n, dtype=np.bool_)
             there[:nf] = self.arrays["alive"] > 0
+            if "zone" in self.arrays:  # the buffers of open sides are no part of the scene
+                there[:nf] &= self.arrays["zone"] == IN_FLUID
             result = result.select(there)
         return result.select(np.argsort(result.particle_id, kind="stable")) if ordered else result
 
@@ -128,6 +131,8 @@ class StateCopy:
         result[: len(arrays[source])] = arrays[source]
         if name == "position":
             result[:nf] += arrays["offset"]
+            if spec.moving:
+                result[nf:] = arrays["position"][nf:]
         if name == "velocity" and model.scheme.staggered:
             result[:nf] += 0.5 * self.dt * arrays["acceleration"].astype(np.float64)
         return result
@@ -153,7 +158,9 @@ def copy_state(model: Model, wanted: Iterable[str] = EVERYTHING, rows: np.ndarra
     names = {source for name in wanted for source in SOURCES[name]}
     if spec.tension == "none":
         names -= {"normal", "curvature"}
-    names |= {"phase", "alive", *model.scheme.shown}
+    names |= {"phase", "alive", "zone", *model.scheme.shown}
+    if spec.moving and "position" in wanted:
+        names |= {"position"}
     present = sorted(names & particles.arrays.keys())
     if rows is not None:
         chosen: Any = wp.array(rows, dtype=int, device=model.device)

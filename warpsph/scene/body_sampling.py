@@ -7,14 +7,16 @@ faces lie between cells of the lattice gets the cells of the lattice.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, fields, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from warpsph.scene.rings import Rows, ball_rings, outline_rings
+from warpsph.scene.sheets import Frames, SheetRows, beside_sheets, frames_of, sheet_rows
 from warpsph.scene.shells import ball_shells, brick_shells, relaxed_shells
 from warpsph.scene.surfaces import Ball, Brick, Hollow, Outline, Surface
+from warpsph.scene.tails import Tail, find_tails
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -35,10 +37,15 @@ class Sampling:
     foot: (n, d), the point of the surface nearest to each, m
     normal: (n, d), unit normal of the surface there, into the fluid
     depth: (n,), distance of the particle from its foot, m; position + depth normal = foot
-    area: (n,), length (2-D) or area (3-D) of surface that a particle of the first layer stands for, m^(d-1); 0 below it
+    area: (n,), length (2-D) or area (3-D) of surface that a particle of the first layer stands for, m^(d-1); 0 below it, in
+        the corners of hollow bodies, from where no surface is nearest, and past the edges of tails
     volume: (n,), m^d
     layer: (n,), 0 at the surface
-    leader: (n,), index of the particle of the first layer nearest to the foot
+    leader: (n,), index of the particle with an area whose foot is nearest; of itself if it has one
+    sheet: (n,), 0, or for particles of a thin tail the side through which alone they are seen, 1 or -1 (`tails.py`); they
+        overlap the other side and the fluid there, and their volumes are those of a thick body
+    frame: (n,), which of `frames` the lines of sight to a particle of a tail are judged by, -1 for others
+    frames: of the tails
     """
 
     position: NDArray[np.float64]
@@ -49,6 +56,9 @@ class Sampling:
     volume: NDArray[np.float64]
     layer: NDArray[np.intp]
     leader: NDArray[np.intp]
+    sheet: NDArray[np.int8]
+    frame: NDArray[np.intp]
+    frames: Frames
 
     @property
     def count(self) -> int:
@@ -56,22 +66,31 @@ class Sampling:
         return len(self.depth)
 
     def only(self, kept: NDArray[np.bool_]) -> Sampling:
-        """A part of the particles (n,); those whose leader goes get the nearest one of the first layer that stays.
+        """A part of the particles (n,); those whose leader goes get another."""
+        columns = {name: getattr(self, name)[kept] for name in _COLUMNS}
+        return replace(self, **columns).led()
 
-        What has no particle of the first layer left goes as well.
+    def led(self) -> Sampling:
+        """The same particles, each led by the one with an area whose foot is nearest, of its own sheet if there is one.
+
+        Without any area, of a body that no fluid meets, each leads itself.
         """
         from scipy.spatial import cKDTree
 
-        first = np.flatnonzero(kept & (self.layer == 0))
-        if len(first) == 0:
-            kept = np.zeros_like(kept)
-        new_row = np.cumsum(kept) - 1
-        leader = self.leader.copy()
-        lost = kept & ~kept[leader]
-        if lost.any():
-            leader[lost] = first[cKDTree(self.position[first]).query(self.foot[lost])[1]]
-        columns = {name: getattr(self, name)[kept] for name in self.__dataclass_fields__ if name != "leader"}
-        return replace(self, leader=new_row[leader[kept]], **columns)
+        leader = np.arange(self.count)
+        for sheet in (-1, 0, 1):
+            own = self.sheet == sheet
+            first = np.flatnonzero(own & (self.area > 0.0))
+            if len(first) == 0:
+                first = np.flatnonzero(self.area > 0.0)
+            if len(first) and own.any():
+                leader[own] = first[cKDTree(self.foot[first]).query(self.foot[own])[1]]
+                leader[first] = first
+        return replace(self, leader=leader)
+
+
+_COLUMNS = tuple(field.name for field in fields(Sampling) if field.name != "frames")
+"""What a sampling has of each particle."""
 
 
 def sample(
@@ -92,8 +111,22 @@ def sample(
     rows = layers_of(surface, spacing, layers)
     low = np.full(surface.dimension, -np.inf) if lower is None else np.asarray(lower, dtype=np.float64)
     high = np.full(surface.dimension, np.inf) if upper is None else np.asarray(upper, dtype=np.float64)
-    kept = np.all((rows.position > low) & (rows.position < high), axis=1)
-    return described(surface, Rows(rows.position[kept], rows.volume[kept], rows.layer[kept]), spacing, low, high)
+    tails = find_tails(surface, spacing, layers * spacing) if isinstance(surface, Outline) else []
+    if tails:
+        thin = beside_sheets(tails, surface.closest(rows.position)[0], spacing)
+        rows = Rows(rows.position[~thin], rows.volume[~thin], rows.layer[~thin])
+    frames = Frames.joined([frames_of(tail, spacing, layers * spacing) for tail in tails], surface.dimension)
+    found = [_of_layers(surface, rows)]
+    real = [rows.layer == 0]
+    for tail in tails:
+        for sheet in tail.sheets:
+            own = sheet_rows(tail, sheet, rows, spacing, layers)
+            found.append(_of_sheet(own, sheet.side, frames))
+            real.append(own.real & (own.layer == 0))
+    joined = replace(_joined(found), frames=frames)
+    kept = np.all((joined.position > low) & (joined.position < high), axis=1)
+    first = np.concatenate(real) & kept
+    return replace(joined, area=_areas(surface, joined, first, tails, spacing, low, high)).only(kept)
 
 
 def layers_of(surface: Surface, spacing: float, layers: int) -> Rows:
@@ -110,32 +143,81 @@ def layers_of(surface: Surface, spacing: float, layers: int) -> Rows:
     return relaxed_shells(surface, spacing, layers)
 
 
-def described(
-    surface: Surface, rows: Rows, spacing: float, low: NDArray[np.float64], high: NDArray[np.float64]
-) -> Sampling:
-    """Particles with their feet, normals, shares of the surface between two corners, and leaders."""
-    from scipy.spatial import cKDTree
-
+def _of_layers(surface: Surface, rows: Rows) -> Sampling:
+    """The particles of layers, without areas and leaders."""
     foot, normal = surface.closest(rows.position)
-    n = len(rows.position)
-    first = np.flatnonzero(rows.layer == 0)
-    area = np.zeros(n)
-    leader = np.zeros(n, dtype=np.intp)
-    if len(first):
-        tree = cKDTree(rows.position[first])
-        middle, _, size = surface.patches(spacing / _PATCHES[surface.dimension])
-        held = np.all((middle >= low) & (middle <= high), axis=1)
-        owner = first[tree.query(middle[held])[1]]
-        area[:] = np.bincount(owner, size[held], minlength=n)
-        leader = first[tree.query(foot)[1]]
-        leader[first] = first
+    n, d = rows.position.shape
     return Sampling(
         position=rows.position,
         foot=foot,
         normal=normal,
         depth=np.linalg.norm(rows.position - foot, axis=1),
-        area=area,
+        area=np.zeros(n),
         volume=rows.volume,
         layer=rows.layer,
-        leader=leader,
+        leader=np.arange(n),
+        sheet=np.zeros(n, dtype=np.int8),
+        frame=np.full(n, -1, dtype=np.intp),
+        frames=Frames.joined([], d),
     )
+
+
+def _of_sheet(rows: SheetRows, side: int, frames: Frames) -> Sampling:
+    """The particles of a sheet, without areas and leaders; the frames are those of all tails."""
+    from scipy.spatial import cKDTree
+
+    n = len(rows.position)
+    return Sampling(
+        position=rows.position,
+        foot=rows.foot,
+        normal=rows.normal,
+        depth=np.linalg.norm(rows.position - rows.foot, axis=1),
+        area=np.zeros(n),
+        volume=rows.volume,
+        layer=rows.layer,
+        leader=np.arange(n),
+        sheet=np.full(n, side, dtype=np.int8),
+        frame=cKDTree(frames.point).query(rows.foot)[1],
+        frames=Frames.joined([], 2),
+    )
+
+
+def _joined(parts: list[Sampling]) -> Sampling:
+    """Several samplings as one, without their frames and leaders."""
+    columns: dict[str, Any] = {name: np.concatenate([getattr(part, name) for part in parts]) for name in _COLUMNS}
+    return Sampling(frames=parts[0].frames, **columns)
+
+
+def _areas(
+    surface: Surface,
+    sampling: Sampling,
+    first: NDArray[np.bool_],
+    tails: list[Tail],
+    spacing: float,
+    low: NDArray[np.float64],
+    high: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """The surface between two corners shared among the particles `first` (n,), each piece to the nearest one.
+
+    Where the body is thin that of its own sheet is meant: the side of a tail is left to the particles of that side.
+    """
+    from scipy.spatial import cKDTree
+
+    area = np.zeros(sampling.count)
+    middle, normal, size = surface.patches(spacing / _PATCHES[surface.dimension])
+    held = np.all((middle >= low) & (middle <= high), axis=1)
+    middle, normal, size = middle[held], normal[held], size[held]
+    side = np.zeros(len(middle), dtype=np.int8)
+    for tail in tails:
+        near = np.flatnonzero(beside_sheets([tail], middle, spacing))
+        across = np.array([-tail.along[1], tail.along[0]])
+        side[near] = np.where(normal[near] @ across > 0.0, 1, -1)
+    for own in (-1, 0, 1):
+        rows = np.flatnonzero(first & (sampling.sheet == own))
+        if len(rows) == 0:
+            rows = np.flatnonzero(first)  # the nose of a body that is a tail all the way
+        pieces = side == own
+        if len(rows) and pieces.any():
+            owner = rows[cKDTree(sampling.position[rows]).query(middle[pieces])[1]]
+            area += np.bincount(owner, size[pieces], minlength=sampling.count)
+    return area

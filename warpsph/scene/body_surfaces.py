@@ -10,10 +10,11 @@ import numpy as np
 
 from warpsph.errors import ExpressionError, Problem
 from warpsph.scene.airfoils import airfoil, naca_4, read_section
-from warpsph.scene.body_sampling import Sampling, sample
+from warpsph.scene.body_sampling import Sampling, layers_of, sample
 from warpsph.scene.fluid_regions import expression_problem
 from warpsph.scene.lattice import Lattice
 from warpsph.scene.surfaces import Ball, Hollow, Outline, ShapeError, Surface, box_surface
+from warpsph.scene.thinness import REFUSED, WARNED, ThinPlaces, thin_places
 from warpsph.scene.traced import trace_expression
 
 if TYPE_CHECKING:
@@ -35,13 +36,16 @@ OFF_LATTICE = 0.02
 class Solid:
     """A body in a lattice.
 
-    surface: in place sampling: its boundary particles distance: of the middle of each cell of the lattice from the
-    surface, m, negative in the body; exact where it is less than
-        two spacings
+    surface: in place
+    sampling: its boundary particles
+    filling: (m, d), particles that fill its layers once, m: fluid is arranged beside them
+    distance: of the middle of each cell of the lattice from the surface, m, negative in the body; infinite two spacings and
+        more beyond the box around the shape
     """
 
     surface: Surface
     sampling: Sampling
+    filling: NDArray[np.float64]
     distance: NDArray[np.float64]
 
     def on_lattice(self, spacing: float) -> bool:
@@ -82,11 +86,14 @@ def surface_of(case: Case, body: Body, low: NDArray[np.float64], high: NDArray[n
     return Hollow(found) if body.hollow else found
 
 
-def make_solids(case: Case, lattice: Lattice, support: float, problems: list[Problem]) -> list[Solid]:
+def make_solids(
+    case: Case, lattice: Lattice, support: float, problems: list[Problem], warnings: list[str]
+) -> list[Solid]:
     """The bodies of a case, in their order; where two overlap, the first has the particles.
 
     support: reach of the smoothing kernel, m; the layers of boundary particles are as deep, and as far a body sticks out of
         an open side of the domain. It ends with the domain at other sides.
+    warnings: what the user should know is added.
     """
     spacing = case.spacing
     layers = math.ceil(support / spacing - 1e-9)
@@ -107,6 +114,10 @@ def make_solids(case: Case, lattice: Lattice, support: float, problems: list[Pro
             kind = body.shape.kind
             problems.append(Problem(f"{path}.{kind}", kind, error.rule, error.remedy))
             continue
+        thin = _too_thin(path, body, thin_places(surface, spacing, layers), spacing, warnings)
+        if thin is not None:
+            problems.append(thin)
+            continue
         sampling = sample(surface, spacing, layers, low.tolist(), high.tolist())
         inside = np.zeros(sampling.count, dtype=np.bool_)
         for other in solids:
@@ -116,8 +127,25 @@ def make_solids(case: Case, lattice: Lattice, support: float, problems: list[Pro
             rule = f"holds no particle of its own: it is outside the domain or inside another body (spacing {spacing:g} m)"
             problems.append(Problem(path, body.shape.kind, rule, "move or enlarge it, or delete it"))
             continue
-        solids.append(Solid(surface, sampling, _cell_distance(surface, lattice)))
+        filling = sampling.position
+        if sampling.sheet.any():
+            filling = layers_of(surface, spacing, layers).position
+        solids.append(Solid(surface, sampling, filling, _cell_distance(surface, lattice)))
     return solids
+
+
+def _too_thin(
+    path: str, body: Body, found: ThinPlaces, spacing: float, warnings: list[str]
+) -> Problem | None:
+    """The problem of a body that is too thin; what is only thin becomes a warning."""
+    at = ", ".join(f"{x:g}" for x in found.place)
+    told = f"is {found.thickness:.3g} m thick at ({at}), {found.thickness / spacing:.2g} spacings"
+    if found.refused > spacing ** (len(found.place) - 1):
+        remedy = f"make particle_spacing smaller than {found.thickness:.3g} m, or the body thicker"
+        return Problem(path, body.shape.kind, f"{told}: it has to be {REFUSED:g} or more", remedy)
+    if found.warned > 0.0:
+        warnings.append(f"{path} {told}: below {WARNED:g} the fluid on one side feels that on the other")
+    return None
 
 
 def _cell_distance(surface: Surface, lattice: Lattice) -> NDArray[np.float64]:

@@ -55,7 +55,6 @@ class Regions:
     lattice: the cells
     periodic: of each axis
     entry: which entry holds the middle of each cell, VOID where none does; shape `lattice.count`
-    solid: cells of obstacles, same shape, or None
     phase_of_entry: (E + 1,) phase of each entry; the last one, VOID, is what VOID finds
     entry_at: the entry that holds each of the points (n, d), VOID for none and in bodies
     covered: cells whose middle is in a body, of the same shape as `entry`, or None; `entry` is VOID there
@@ -65,7 +64,6 @@ class Regions:
     lattice: Lattice
     periodic: tuple[bool, ...]
     entry: NDArray[np.int32]
-    solid: NDArray[np.bool_] | None
     phase_of_entry: NDArray[np.int32]
     entry_at: Callable[[NDArray[np.float64]], NDArray[np.int32]]
     covered: NDArray[np.bool_] | None = None
@@ -131,13 +129,11 @@ def spread(
 
 
 def _at_border(regions: Regions, ids: NDArray[np.int32], void: bool) -> NDArray[np.bool_]:
-    """Cells that are not solid and have two different ids among themselves and their neighbours.
+    """Cells that have two different ids among themselves and their neighbours.
 
     void: whether empty cells count as an id of their own.
     """
-    left_out = np.zeros(ids.shape, dtype=np.bool_) if regions.solid is None else regions.solid.copy()
-    if not void:
-        left_out |= ids == VOID
+    left_out = np.zeros(ids.shape, dtype=np.bool_) if void else ids == VOID
     largest = spread(np.where(left_out, VOID - 1, ids), regions.periodic, np.maximum)
     smallest = spread(np.where(left_out, np.iinfo(np.int32).max, ids), regions.periodic, np.minimum)
     return (largest > smallest) & ~left_out
@@ -204,32 +200,24 @@ def find_interface(regions: Regions) -> Interface:
     Interfaces of a film so thin that no lattice cell has its middle in it are not found; a thicker one may be missed
     where it is thinner than a grid step, a quarter (3-D: a third) of the spacing.
     """
-    lattice, d = regions.lattice, regions.lattice.dimension
+    d = regions.lattice.dimension
     finer = _FINER[d]
     phase = regions.phase_of_entry[regions.entry]
     near = spread(_at_border(regions, phase, void=True), regions.periodic, np.logical_or)
     steps = (np.arange(finer + 1) + 0.5) / finer
     offsets = _grid(steps, d)
-    next_cell = _grid((np.arange(finer + 1) == finer).astype(np.float64), d).astype(np.intp)
-    count = np.array(lattice.count)
     low_ends, high_ends = [], []
     for part in _batches(np.argwhere(near), len(offsets)):
         points = _points(regions, part, offsets)
-        valid = np.ones(points.shape[:-1], dtype=np.bool_)
-        if regions.solid is not None:
-            # the last grid point of each axis is in the next cell; the domain goes on beyond a side as it is there
-            cell = part[:, None, :] + next_cell
-            cell = np.where(regions.periodic, np.mod(cell, count), np.minimum(cell, count - 1))
-            valid = ~regions.solid[tuple(np.moveaxis(cell, -1, 0))]
         shape = (len(part), *(finer + 1,) * d)
         ids = regions.phases(points).reshape(shape)
-        valid, points = valid.reshape(shape), points.reshape(*shape, d)
+        points = points.reshape(*shape, d)
         for axis in range(1, d + 1):
             first = [slice(None), *(slice(0, finer),) * d]
             second = list(first)
             second[axis] = slice(1, finer + 1)
             a, b = tuple(first), tuple(second)
-            crossed = (ids[a] != ids[b]) & valid[a] & valid[b]
+            crossed = ids[a] != ids[b]
             low_ends.append(points[a][crossed])
             high_ends.append(points[b][crossed])
     low = np.concatenate(low_ends) if low_ends else np.empty((0, d))

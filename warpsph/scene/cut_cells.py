@@ -1,7 +1,8 @@
 """Volumes of the fluid particles beside a body, whose surface cuts the cells of the lattice.
 
 A particle stands for the free part of its own cell, and for that part of the cells without a particle that is nearer to it
-than to another. So the particles share exactly the room that the bodies leave, and each has that of its surroundings.
+than to another, and is in the middle of both together. So the particles share exactly the room that the bodies leave, each
+has that of its surroundings, and the sums over them find no gap before the surface.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from warpsph.scene.lattice import Lattice, points_of
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["Distance", "free_volumes", "nearest_body"]
+__all__ = ["Distance", "cut_places", "nearest_body"]
 
 Distance = Callable[["NDArray[np.float64]"], "NDArray[np.float64]"]
 """From points (n, d) to the distance of each from the surface of a body (n,), negative inside it, m."""
@@ -34,14 +35,14 @@ def nearest_body(distances: Sequence[Distance], points: NDArray[np.float64]) -> 
     return nearest
 
 
-def free_volumes(
+def cut_places(
     lattice: Lattice,
     periodic: Sequence[bool],
     fluid: NDArray[np.bool_],
     solid: NDArray[np.bool_],
     distances: Sequence[Distance],
-) -> NDArray[np.float64]:
-    """Volume (n,) of the particle of each cell that holds fluid, in the order of the cells, m^d.
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Way (n, d), m, of the particle of each cell with fluid from its middle, and its volume over that of the cell (n,).
 
     Args:
         lattice: the cells.
@@ -53,32 +54,30 @@ def free_volumes(
     from scipy.spatial import cKDTree
 
     d = lattice.dimension
-    spacing = np.array(lattice.spacing)
-    cells = np.nonzero(fluid)
-    sites = points_of(lattice.axes(domain_only=True), cells)
-    volume = np.full(len(sites), lattice.cell_volume)
+    spacing, lower = np.array(lattice.spacing), np.array(lattice.lower)
+    extent = spacing * np.array(lattice.count)
+    sites = points_of(lattice.axes(domain_only=True), np.nonzero(fluid))
     reach = 0.5 * float(np.linalg.norm(spacing)) * (1.0 + 1e-9)  # half the diagonal: a surface beyond it cuts no cell
     cut = np.abs(nearest_body(distances, sites)) < reach
-    volume[cut] = 0.0
     empty = points_of(lattice.axes(domain_only=True), np.nonzero(solid & ~fluid))
     empty = empty[nearest_body(distances, empty) > -reach]
     near = np.concatenate([sites[cut], empty])
+    volume, way = np.where(cut, 0.0, 1.0), np.zeros_like(sites)
     if not len(near) or not len(sites):
-        return volume
+        return way, volume
 
     def wrapped(points: NDArray[np.float64]) -> NDArray[np.float64]:
-        extent = spacing * np.array(lattice.count)
-        moved = points - np.array(lattice.lower)
-        return np.where(periodic, np.mod(moved, extent) % extent, moved)
+        return np.where(periodic, np.mod(points - lower, extent) % extent, points - lower)
 
-    period = np.where(periodic, spacing * np.array(lattice.count), 0.0)
-    tree = cKDTree(wrapped(sites), boxsize=period)
+    tree = cKDTree(wrapped(sites), boxsize=np.where(periodic, extent, 0.0))
     parts = _PARTS[d]
-    part = lattice.cell_volume / parts**d
-    places = [(np.arange(parts) + 0.5) / parts - 0.5] * d
-    for offset in itertools.product(*places):
+    for offset in itertools.product(*[(np.arange(parts) + 0.5) / parts - 0.5] * d):
         points = near + np.array(offset) * spacing
         points = points[nearest_body(distances, points) > 0.0]
         _, owner = tree.query(wrapped(points))
-        volume += np.bincount(owner, minlength=len(volume)) * part
-    return volume
+        off = points - sites[owner]
+        off -= np.where(periodic, np.round(off / extent) * extent, 0.0)
+        volume += np.bincount(owner, minlength=len(volume)) / parts**d
+        for axis in range(d):
+            way[:, axis] += np.bincount(owner, weights=off[:, axis], minlength=len(volume)) / parts**d
+    return way / np.maximum(volume, 1e-3)[:, None], volume

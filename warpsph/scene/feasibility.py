@@ -16,6 +16,7 @@ import numpy as np
 
 from warpsph.case.magnitudes import fits, most_extreme, range_of, remedy_for
 from warpsph.errors import CaseError, Problem
+from warpsph.scene.forcing import forcing_of
 
 if TYPE_CHECKING:
     from warpsph.case.case import Case
@@ -32,8 +33,9 @@ def _derived(case: Case, physics: Physics) -> Iterator[tuple[str, float, bool]]:
     d, h, spacing = case.dimension, physics.h, case.particle_spacing
     yield "volume of a particle [m^d]", spacing**d, True
     yield "gradient of the smoothing kernel [1/m^(d+2)]", h ** -(d + 2), True
-    yield "square of the gravity [m^2/s^4]", sum(x * x for x in case.gravity), False
-    yield "square of the body force [m^2/s^4]", sum(x * x for x in case.body_force), False
+    forcing = forcing_of(case)
+    for what, vector in (("gravity", forcing.gravity), ("body force", forcing.body_force)):
+        yield f"square of the {what} [m^2/s^4]", float(sum(x * x for x in forcing.largest(vector))), False
     for name, c in zip(case.phase_names, physics.sound_speed, strict=True):
         phase = case.phases[name]
         yield f"mass of a particle of {name} [kg]", phase.density * spacing**d, True

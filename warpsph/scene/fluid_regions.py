@@ -83,7 +83,7 @@ def loose_gas(
     liquid alone has a free surface there, at which its pressure is zero.
 
     phase: of each cell of the domain, -1 where there is no fluid
-    support: reach of the smoothing kernel, m; it is followed along the axes, and obstacles end it
+    support: reach of the smoothing kernel, m; it is followed along the axes, and bodies end it
     """
     names = case.phase_names
     densities = [case.phases[name].density for name in names]
@@ -168,7 +168,7 @@ class EntryAt:
             near = np.all((points >= body.bounds[0]) & (points <= body.bounds[1]), axis=1)
             if body.hollow:
                 entry[~near] = VOID
-            entry[near] = np.where(body.signed_distance(points[near]) < 0.0, VOID, entry[near])
+            entry[near] = np.where(body.inside(points[near]), VOID, entry[near])
         return entry
 
 

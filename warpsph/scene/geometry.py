@@ -5,7 +5,7 @@ pass over this lattice decides what every cell holds:
 
 1. walls: where a side of the domain is a wall, the lattice continues beyond it for as many layers as the
    smoothing kernel reaches, corners included;
-2. obstacles: cells inside an obstacle become wall particles; bodies: their surfaces are sampled whatever the lattice is, and
+2. bodies: their surfaces are sampled whatever the lattice is, and
    cells nearer to one than half a spacing hold no fluid;
 3. fluids: each remaining cell of the domain gets the phase of the region that contains it, or stays empty.
 
@@ -25,7 +25,7 @@ import numpy as np
 from warpsph.errors import CaseError, Problem
 from warpsph.scene.body_surfaces import SAME
 from warpsph.scene.borders import Regions
-from warpsph.scene.cut_cells import free_volumes
+from warpsph.scene.cut_cells import cut_places
 from warpsph.scene.fluid_regions import EntryAt, chosen_arrangement, fluid_regions, loose_gas, off_lattice
 from warpsph.scene.lattice import Lattice, make_lattice
 from warpsph.scene.start_fluid import fluid_particles, start_pressure, start_velocity
@@ -54,11 +54,12 @@ class Geometry:
     volume: (n,), m^d
     pressure: (n,), Pa, without the background pressure; 0 for walls
     wall_slip: (n,) uint8, 1 on free-slip walls
+    wall_sides: (n,) uint8, the sides whose velocity a wall particle has: bit 2 axis the lower, 2 axis + 1 the upper one
     boundary_velocity: (n, d), m/s; velocity of the wall, 0 for fluid
     body: (n,) int32, 0 for fluid, k for the k-th wall body
-    body_names: name of the k-th wall body at position k - 1: `x_lower`, `y_upper`, ..., then the obstacles, then the bodies
-    blocked: number of cells of the domain that hold no fluid, because of obstacles and bodies
-    at_open_side: whether a cell that no obstacle or body takes lies at an open side of the domain
+    body_names: name of the k-th wall body at position k - 1: `x_lower`, `y_upper`, ..., then the bodies
+    blocked: number of cells of the domain that hold no fluid because of bodies
+    at_open_side: whether a cell that no body takes lies at an open side of the domain
     surface: where the surface of the walls is, seen from each wall particle; None without bodies
     lattice: the cells that the particles come from; its `lower` and `upper` are where the walls stand
     arrangement: lattice or fitted: what `start.arrangement` came to
@@ -73,6 +74,7 @@ class Geometry:
     volume: NDArray[np.float64]
     pressure: NDArray[np.float64]
     wall_slip: NDArray[np.uint8]
+    wall_sides: NDArray[np.uint8]
     boundary_velocity: NDArray[np.float64]
     body: NDArray[np.int32]
     body_names: tuple[str, ...]
@@ -100,13 +102,6 @@ class Geometry:
         return self.count - self.fluid_count
 
 
-def either(one: NDArray[np.bool_] | None, other: NDArray[np.bool_] | None) -> NDArray[np.bool_] | None:
-    """Cells of one or the other; None stands for no cells."""
-    if one is None or other is None:
-        return one if other is None else other
-    return one | other
-
-
 Arrange = Callable[[Regions, int], tuple["NDArray[np.float64]", "NDArray[np.float64]"]]
 """What makes a fitted arrangement: from the regions and a seed to the way of each fluid particle from the middle of its
 cell (n, d), m, and its volume over that of the cell (n,); particles in the order of their cells."""
@@ -130,21 +125,20 @@ def build(case: Case, support: float, unlock: float = 0.0, arrange: Arrange | No
     walls = WallCells(case, lattice)
     if not case.scheme.mirrors_sides:
         walls.add_sides()
-    walls.add_obstacles(problems)
-    walls.add_bodies(support, problems)
-    obstacles, covered = walls.solid_in_domain(), walls.covered(0.0)[lattice.domain] if case.bodies else None
-    region = fluid_regions(case, lattice, either(obstacles, covered), problems)
+    walls.add_bodies(support, problems, warnings)
+    covered = walls.covered(0.0)[lattice.domain] if case.bodies else None
+    region = fluid_regions(case, lattice, covered, problems)
     if problems:
         raise CaseError(problems)
 
     phase_index = {name: k for k, name in enumerate(case.phase_names)}
     # The entry appended at the end is what region -1, an empty cell, finds.
     phase_of_region = np.array([*(phase_index[fluid.phase] for fluid in case.fluids), -1], dtype=np.int32)
-    problems += loose_gas(case, lattice, phase_of_region[region], either(obstacles, covered), support)
+    problems += loose_gas(case, lattice, phase_of_region[region], covered, support)
     surfaces = [solid.surface for solid in walls.solids]
-    boundary = np.concatenate([solid.sampling.position for solid in walls.solids]) if walls.solids else None
+    boundary = np.concatenate([solid.filling for solid in walls.solids]) if walls.solids else None
     regions = Regions(
-        lattice, case.periodic, region, obstacles, phase_of_region, EntryAt(case, surfaces), covered, boundary
+        lattice, case.periodic, region, phase_of_region, EntryAt(case, surfaces), covered, boundary
     )  # fmt: skip
     cut = [name for name, solid in zip(case.bodies, walls.solids, strict=True) if not solid.on_lattice(case.spacing)]
     arrangement, reason = chosen_arrangement(case, regions, cut)
@@ -153,15 +147,17 @@ def build(case: Case, support: float, unlock: float = 0.0, arrange: Arrange | No
         if cut:
             covered = walls.covered(0.5 * case.spacing * (1.0 - SAME))[lattice.domain]
             region = np.where(covered, np.int32(-1), region)
-    solid = either(obstacles, covered)
     packed = arrange(regions, case.start.seed) if arrange is not None and arrangement == "fitted" else None
+    if packed is None and cut and covered is not None:
+        distances = [solid.surface.signed_distance for solid in walls.solids]
+        packed = cut_places(lattice, case.periodic, region >= 0, covered, distances)
     fluid = fluid_particles(case, lattice, region, max(case.start.noise, unlock), None if packed is None else packed[0])
     velocity = start_velocity(case, fluid, problems)
     pressure = None
     if case.start.pressure is not None:
         rest_density = np.array([*(phase.density for phase in case.phases.values()), 0.0])
         density = rest_density[phase_of_region][region]
-        pressure = start_pressure(case, lattice, density, solid, fluid, problems, warnings)
+        pressure = start_pressure(case, lattice, density, covered, fluid, problems, warnings)
     if problems:
         raise CaseError(problems)
 
@@ -179,9 +175,6 @@ def build(case: Case, support: float, unlock: float = 0.0, arrange: Arrange | No
     volume = np.full(total, lattice.cell_volume)
     if packed is not None:
         volume[:fluids] *= packed[1]
-    elif cut and covered is not None:
-        distances = [solid.surface.signed_distance for solid in walls.solids]
-        volume[:fluids] = free_volumes(lattice, case.periodic, region >= 0, covered, distances)
     surface = walls.surface() if case.bodies else None
     if surface is not None:
         volume[fluids:] = surface.volume
@@ -193,11 +186,12 @@ def build(case: Case, support: float, unlock: float = 0.0, arrange: Arrange | No
         volume=volume,
         pressure=rows(pressure, 0.0, np.float64),
         wall_slip=rows(None, walls.slip, np.uint8),
+        wall_sides=rows(None, walls.sides, np.uint8),
         boundary_velocity=rows(None, walls.velocity, np.float64, vector),
         body=rows(None, walls.body, np.int32),
         body_names=tuple(walls.names),
-        blocked=0 if solid is None else int(np.count_nonzero(solid)),
-        at_open_side=_at_open_side(case, np.ones(lattice.count, np.bool_) if solid is None else ~solid),
+        blocked=0 if covered is None else int(np.count_nonzero(covered)),
+        at_open_side=_at_open_side(case, np.ones(lattice.count, np.bool_) if covered is None else ~covered),
         surface=surface,
         lattice=lattice,
         arrangement=arrangement,

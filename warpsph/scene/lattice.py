@@ -76,7 +76,7 @@ class Lattice:
 
 
 def make_lattice(case: Case, support: float, warnings: list[str] | None = None) -> Lattice:
-    """The cells of the case's domain, and of the layers around it if there are walls or obstacles.
+    """The cells of the case's domain, and of the layers around it if there are walls or bodies.
 
     support: support radius of the smoothing kernel, m.
     warnings: gets a line for each axis whose extent is no multiple of the particle spacing.

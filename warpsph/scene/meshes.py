@@ -98,7 +98,6 @@ class Mesh(Surface):
             self._tree = wp.Mesh(
                 points=wp.array((self.corners - self.bounds[0]) / self.size, dtype=wp.vec3, device="cpu"),
                 indices=wp.array(self.triangles.ravel(), dtype=int, device="cpu"),
-                support_winding_number=True,
             )
         n = len(points)
         at = (points - self.bounds[0]) / self.size
@@ -109,7 +108,7 @@ class Mesh(Surface):
         triangle = face.numpy().astype(np.intp)
         foot = _nearest_on_triangles(points, *(self.corners[self.triangles[triangle, k]] for k in range(3)))
         way = points - foot
-        # Close to a triangle its own side is sure where the winding number is rounded.
+        # x.
         height = np.einsum("ij,ij->i", way, self.normal[triangle])
         length = np.linalg.norm(way, axis=1)
         above = np.abs(height) > 0.99 * length

@@ -3,7 +3,7 @@
 The particles of the lattice are displaced a little at random, so that nothing of its symmetry is left, and then moved by
 `kernels/core/cloud.py` on the device of the run: some hundred times towards where their neighbours are even on all sides,
 each time pushed back to half a spacing from the interfaces of their phase. Sides of the domain count as such too.
-Beyond them, in obstacles and away from the fluid stand particles that do not move; the empty space beside a free surface
+Beyond them, in bodies and away from the fluid stand particles that do not move; the empty space beside a free surface
 is filled with particles of a phase of its own, which are thrown away afterwards.
 
 All lengths here are in particle spacings, so that float32 resolves a ten-thousandth of one in any domain.
@@ -200,14 +200,14 @@ def _sites(regions: Regions) -> tuple[NDArray[np.float64], NDArray[np.int32], ND
     """Where particles begin, in cells from the lower corner of the domain.
 
     Returns those that move (n, d), fluid first, the phase of each (n,), VOID for those that fill empty space beside the
-    fluid, and those that stay (m, d): beyond the sides, in obstacles and bodies, and in empty space farther away.
+    fluid, and those that stay (m, d): beyond the sides, in bodies, and in empty space farther away.
     """
     reach = math.ceil(RATIO * KERNELS[Spec(dimension=2).kernel].support * regions.unit / min(regions.lattice.spacing))
     fluid = regions.entry != VOID
-    solid, covered = (np.zeros(fluid.shape, dtype=np.bool_) if m is None else m for m in (regions.solid, regions.covered))
+    covered = np.zeros(fluid.shape, dtype=np.bool_) if regions.covered is None else regions.covered
     moves = fluid.copy()
-    if not (fluid | solid | covered).all():
-        moves = spread(fluid, regions.periodic, np.logical_or, reach) & ~solid & ~covered
+    if not (fluid | covered).all():
+        moves = spread(fluid, regions.periodic, np.logical_or, reach) & ~covered
     pad = [(0, 0) if wraps else (reach, reach) for wraps in regions.periodic]
     around = np.pad(moves, pad)
     stays = spread(around, regions.periodic, np.logical_or, reach) & ~around & ~np.pad(covered, pad)

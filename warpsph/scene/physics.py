@@ -12,6 +12,9 @@ from warpsph.errors import CaseError, Problem
 from warpsph.kernels.core.smoothing import KERNELS
 from warpsph.kernels.core.spec import Spec
 from warpsph.scene.feasibility import checked
+from warpsph.scene.forcing import Forcing, forcing_of
+from warpsph.scene.open_faces import given_scales
+from warpsph.scene.signal_tables import ACCELERATION, RATE
 
 if TYPE_CHECKING:
     from warpsph.case.case import Case
@@ -160,33 +163,23 @@ def flow_scales(
 ) -> tuple[dict[str, float], np.ndarray]:
     """Return the scales of the flow and the pressure [Pa] that each phase sees.
 
-    velocity: largest of start, walls, channel flow driven by the body force, free fall over the fluid's height (free
-    surface) and capillary motion; pressure: hydrostatic head, Laplace jump, and what a body force builds up before walls
-    and bodies.
+    velocity: largest of start, walls, inlets, channel flow driven by the body force or between given pressures, free fall
+    over the fluid's height (free surface) and capillary motion; pressure: hydrostatic head, Laplace jump, what inlets and
+    outlets give, and what a body force builds up before walls and bodies.
     """
     phases = [case.phases[name] for name in case.phase_names]
     fluid = geometry.kind == 0
     position, phase = geometry.position[fluid], geometry.phase[fluid]
     extent = np.ptp(position, axis=0) + case.spacing if len(position) else np.ones(case.dimension)
-    g = np.asarray(case.gravity, dtype=float)
+    forcing = forcing_of(case)
+    g = forcing.largest(forcing.gravity)
     head = float(np.abs(g) @ extent)  # g H, m^2/s^2
     density = np.array([p.density for p in phases])
     seen = np.zeros(len(phases))
     if head > 0:
-        # pressure at the bottom of each phase, from the weight of all fluid above it
         axis = int(np.argmax(np.abs(g)))
-        up = -np.sign(g[axis]) * position[:, axis]
-        layer = np.round((up - up.min()) / case.spacing).astype(int)
-        area = np.prod(extent) / extent[axis]
-        weight = np.bincount(layer, weights=density[phase] * geometry.volume[fluid], minlength=layer.max() + 1)
-        # a column no denser than the mean of its layer; free surfaces make it an upper bound near the deepest part
-        filled_area = np.bincount(layer, weights=geometry.volume[fluid], minlength=layer.max() + 1) / case.spacing
-        mean = weight / np.maximum(filled_area, 1e-300 + area * 1e-6)
-        above = np.cumsum(mean[::-1])[::-1] * abs(g[axis])
-        for k in range(len(phases)):
-            rows = layer[phase == k]
-            if len(rows):
-                seen[k] = above[rows.min()]
+        for pull in sorted({*forcing.ranges(forcing.gravity)[axis].tolist()} - {0.0}, key=abs):
+            seen = np.maximum(seen, _weight_above(case, geometry, extent, axis, pull))
     jump = 0.0
     capillary = 0.0
     for a in range(len(phases)):
@@ -204,19 +197,27 @@ def flow_scales(
     seen += jump + float(density.max()) * _dammed_head(case, geometry, extent)
     speed = float(np.sqrt((geometry.velocity[fluid] ** 2).sum(axis=1)).max(initial=0.0))
     wall_speed = float(np.sqrt((geometry.boundary_velocity**2).sum(axis=1)).max(initial=0.0))
-    for sides in case.sides:  # of mirrors, which are no particles
-        wall_speed = max(wall_speed, *(float(np.linalg.norm(end.velocity or 0.0)) for end in (sides.lower, sides.upper)))
+    wall_speed = max(wall_speed, forcing.side_speed())  # of mirrors too, which are no particles
+    reach = body_reach(forcing, geometry)
+    wall_speed = max(wall_speed, forcing.body_bound(RATE, reach))
+    seen += float(density.max()) * forcing.body_bound(ACCELERATION, reach) * float(extent.max())
     length = float(extent.min())
     driven = 0.0
-    drive = float(np.linalg.norm(case.body_force))
+    drive = float(np.linalg.norm(forcing.largest(forcing.body_force)))
     if drive > 0:
         nu = min((p.viscosity / p.density for p in phases if p.viscosity > 0), default=0.0)
         driven = min(drive * length**2 / (8 * nu) if nu > 0 else math.inf, math.sqrt(drive * float(extent.max())))
-    falling = 0.0 if filled else math.sqrt(2 * head)
+        if forcing.varying_force:
+            driven = min(driven, forcing.largest_impulse())
+    falling = 0.0 if filled else math.sqrt(2 * float(forcing.hydrostatic() @ extent))
     pulled = 0.0
     if case.central_force is not None and not filled:
         far = float(np.linalg.norm(position - np.asarray(case.central_force.center), axis=1).max(initial=0.0))
         pulled = case.central_force.rate * far
+    if case.has_flow_through:
+        given, pressure, passing = given_scales(case, geometry)
+        speed, driven = max(speed, given), max(driven, passing)
+        seen += pressure
     guessed = max(speed, wall_speed, driven, falling, pulled, capillary)
     scales = {
         "velocity": guessed if case.scales.velocity == "auto" else float(case.scales.velocity),
@@ -228,12 +229,46 @@ def flow_scales(
     return scales, seen
 
 
+def body_reach(forcing: Forcing, geometry: Geometry) -> dict[str, float]:
+    """Return the distance of the farthest particle of each moving body from its pivot [m], by name."""
+    reach = {}
+    for track in forcing.tracks:
+        rows = geometry.body == geometry.body_names.index(track.name) + 1
+        reach[track.name] = float(np.linalg.norm(geometry.position[rows] - track.pivot, axis=1).max(initial=0.0))
+    return reach
+
+
+def _weight_above(case: Case, geometry: Geometry, extent: np.ndarray, axis: int, g: float) -> np.ndarray:
+    """Return the pressure at the bottom of each phase (P,) from the weight of all fluid above it [Pa].
+
+    extent: of the fluid (d,) [m]; axis, g: along which gravity acts, and its component [m/s^2].
+    """
+    fluid = geometry.kind == 0
+    position, phase = geometry.position[fluid], geometry.phase[fluid]
+    density = np.array([case.phases[name].density for name in case.phase_names])
+    up = -np.sign(g) * position[:, axis]
+    layer = np.round((up - up.min()) / case.spacing).astype(int)
+    area = np.prod(extent) / extent[axis]
+    weight = np.bincount(layer, weights=density[phase] * geometry.volume[fluid], minlength=layer.max() + 1)
+    # a column no denser than the mean of its layer; free surfaces make it an upper bound near the deepest part
+    filled_area = np.bincount(layer, weights=geometry.volume[fluid], minlength=layer.max() + 1) / case.spacing
+    mean = weight / np.maximum(filled_area, 1e-300 + area * 1e-6)
+    above = np.cumsum(mean[::-1])[::-1] * abs(g)
+    seen = np.zeros(len(density))
+    for k in range(len(density)):
+        rows = layer[phase == k]
+        if len(rows):
+            seen[k] = above[rows.min()]
+    return seen
+
+
 def _dammed_head(case: Case, geometry: Geometry, extent: np.ndarray) -> float:
     """Return f L [m^2/s^2], the pressure over density that a body force f makes where something stands in its way.
 
     Along a periodic axis it drives a flow and no pressure, unless a body holds that up: the drop over a period is rho f L.
     """
-    held = [not wraps or bool(case.obstacles or case.bodies) for wraps in case.periodic]
-    return float(np.where(held, np.abs(np.asarray(case.body_force, dtype=float)), 0.0) @ extent)
+    held = [not wraps or bool(case.bodies) for wraps in case.periodic]
+    forcing = forcing_of(case)
+    return float(np.where(held, np.abs(forcing.largest(forcing.body_force)), 0.0) @ extent)
 
 

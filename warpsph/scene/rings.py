@@ -116,25 +116,55 @@ def _band(band: Any, line: Any, spacing: float, layer: int) -> Rows:
         return Rows(position, share * (band.area / length), np.full(len(position), layer, dtype=np.intp))
     # The line has lost a side: where the body is narrow the band is more or less than a spacing of its line.
     places = [part[0] for part in found]
-    reached = line.boundary.buffer(0.51 * spacing, join_style="mitre", mitre_limit=2.0) if found else shapely.Polygon()
-    for piece in shapely.get_parts(band.difference(reached)):
+    shares = [part[1] * spacing for part in found]
+    reached = line.boundary.buffer(0.5 * spacing, join_style="mitre", mitre_limit=2.0) if found else shapely.Polygon()
+    for piece in shapely.get_parts(band.difference(reached.buffer(0.01 * spacing))):
         if piece.area > SMALLEST * spacing**2:
             places.append(_fill(piece, max(round(piece.area / spacing**2), 1), spacing))
+            shares.append(np.zeros(len(places[-1])))
     if not places and layer == 0:
         places.append(np.array([shapely.get_coordinates(band.representative_point())[0]]))
-    position = np.concatenate(places) if places else np.empty((0, 2))
-    return Rows(position, _shares(band, position, spacing), np.full(len(position), layer, dtype=np.intp))
+        shares.append(np.zeros(1))
+    if not places:
+        return Rows(np.empty((0, 2)), np.empty(0), np.empty(0, dtype=np.intp))
+    position, share = np.concatenate(places), np.concatenate(shares)
+    odd = [part for part in shapely.get_parts(band.symmetric_difference(reached)) if part.area > 1e-4 * spacing**2]
+    near = shapely.distance(shapely.points(position), shapely.union_all(odd)) < 1.5 * spacing if odd else share == 0.0
+    near |= share == 0.0
+    volume = np.where(near, 0.0, share)
+    if near.any():
+        counted = _shares(band, position, spacing, near)
+        volume += counted * ((band.area - volume.sum()) / counted.sum())
+    else:
+        volume *= band.area / volume.sum()
+    return Rows(position, volume, np.full(len(position), layer, dtype=np.intp))
 
 
-def _shares(region: Any, position: NDArray[np.float64], spacing: float) -> NDArray[np.float64]:
-    """The part of a region that is nearest to each of `position` (n, 2), counted on a fine grid; its area in all, m^2."""
+def _shares(
+    region: Any, position: NDArray[np.float64], spacing: float, near: NDArray[np.bool_] | None = None
+) -> NDArray[np.float64]:
+    """The part of a region that is nearest to each of `position` (n, 2), counted on a fine grid, m^2.
+
+    Only of those that are `near` (n,), and then within 1.5 spacings of them; without it of all, and the whole region.
+    """
+    import shapely
     from scipy.spatial import cKDTree
 
     if len(position) == 0:
         return np.empty(0)
-    grid = _grid_in(region, spacing / 16.0)
+    step = spacing / 16.0
+    if near is None:
+        grid = _grid_in(region, step)
+    else:
+        around = np.stack(np.meshgrid(*[np.arange(-24, 25)] * 2), axis=-1).reshape(-1, 2)
+        sites = np.unique((np.rint(position[near] / step).astype(np.int64)[:, None] + around).reshape(-1, 2), axis=0)
+        grid = (sites + 0.5) * step
+        shapely.prepare(region)
+        grid = grid[shapely.contains_xy(region, grid[:, 0], grid[:, 1])]
     count = np.bincount(cKDTree(position).query(grid)[1], minlength=len(position))
-    return np.asarray(count * (region.area / len(grid)))
+    if near is None:
+        return np.asarray(count * (region.area / len(grid)))
+    return np.where(near, count * step**2, 0.0)
 
 
 def _grid_in(region: Any, step: float) -> NDArray[np.float64]:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from warpsph.case.domain import AXES
+from warpsph.case.signals import vector_at
 from warpsph.errors import ExpressionError, Problem
 from warpsph.scene.lattice import Lattice, points_of
 from warpsph.scene.masks import values_at
@@ -101,7 +102,7 @@ def start_pressure(
         except ExpressionError as error:
             problems.append(Problem("start.pressure", error.text, error.rule_with_column, error.remedy))
             return None
-    gravity = np.array(case.gravity, dtype=np.float64)
+    gravity = np.array(vector_at(case.gravity), dtype=np.float64)
     if not gravity.any():
         warnings.append("start.pressure: hydrostatic has no effect without gravity")
         return None
@@ -129,9 +130,9 @@ def hydrostatic_pressure(
     """Pressure at rest in the middle of each cell of a lattice, Pa, summed from the top of each column.
 
     density: of each cell, any number of dimensions, 0 where it is empty, kg/m^3
-    solid: cells of obstacles, of the same shape, or None. They count as filled with what is beside them at
+    solid: cells of bodies, of the same shape, or None. They count as filled with what is beside them at
     the same
-        level, so that the fluid below an obstacle has the pressure of its surroundings.
+        level, so that the fluid below a body has the pressure of its surroundings.
     axis: the columns' axis
     gravity: component along it, m/s^2; down is the way it points
     spacing: cell size along it, m

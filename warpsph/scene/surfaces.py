@@ -72,6 +72,10 @@ class Surface(ABC):
     def signed_distance(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Distance of points (n, d), m, from the surface (n,), m; negative in the body."""
 
+    def inside(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Which of the points (n, d), m, are in the body."""
+        return self.signed_distance(points) < 0.0
+
     @abstractmethod
     def closest(self, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """The point of the surface nearest to each of `points` (n, d), m, and the unit normal there, into the fluid.
@@ -255,10 +259,14 @@ class Outline(Surface):
         length = self._length[edge] / pieces[edge]
         return self._start[edge] + (place * length)[:, None] * self._tangent[edge], self._normal[edge], length
 
-    def _sign(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    def inside(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """See `Surface.inside`."""
         import shapely
 
-        return np.where(shapely.contains_xy(self.region, points[:, 0], points[:, 1]), -1.0, 1.0)
+        return np.asarray(shapely.contains_xy(self.region, points[:, 0], points[:, 1]))
+
+    def _sign(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.where(self.inside(points), -1.0, 1.0)
 
     def _feet(self, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
         """The nearest point of the border (n, 2) and the edge that it is on (n,)."""
@@ -294,6 +302,10 @@ class Hollow(Surface):
     def signed_distance(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """See `Surface.signed_distance`."""
         return -self.shape.signed_distance(points)
+
+    def inside(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """See `Surface.inside`."""
+        return ~self.shape.inside(points)
 
     def closest(self, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """See `Surface.closest`."""

@@ -1,4 +1,4 @@
-"""Wall particles: the layers behind the sides of the domain, the obstacles, and the bodies."""
+"""Wall particles: the layers behind the sides of the domain, and the boundary particles of bodies."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from warpsph.case.domain import AXES
-from warpsph.errors import ExpressionError, Problem
+from warpsph.case.signals import vector_at
+from warpsph.errors import Problem
 from warpsph.scene.body_surfaces import Solid, make_solids
-from warpsph.scene.fluid_regions import expression_problem
 from warpsph.scene.lattice import Lattice, points_of
-from warpsph.scene.masks import inside
+from warpsph.scene.sheets import Frames
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -29,6 +29,9 @@ class Surroundings:
     area: (n,), area of the surface that a particle of the first layer stands for, 0 for those beneath, m^(d-1)
     volume: (n,), m^d
     leader: (n,) int, row of the particle of the first layer that is nearest to the foot
+    sheet: (n,) int, side of a thin tail through which alone a particle is seen, 1 or -1; 0 for all others
+    frame: (n,) int, which of `frames` lines of sight to it are judged by, -1 for none
+    frames: of all tails
     """
 
     normal: NDArray[np.float64]
@@ -36,6 +39,9 @@ class Surroundings:
     area: NDArray[np.float64]
     volume: NDArray[np.float64]
     leader: NDArray[np.int64]
+    sheet: NDArray[np.int8]
+    frame: NDArray[np.int64]
+    frames: Frames
 
 
 def surroundings_of_sides(position: NDArray[np.float64], lattice: Lattice) -> Surroundings:
@@ -54,13 +60,16 @@ def surroundings_of_sides(position: NDArray[np.float64], lattice: Lattice) -> Su
     if len(first):
         leader = first[cKDTree(foot[first]).query(foot)[1]]
         area[first] = lattice.cell_volume / (beyond[first] * spacing).sum(axis=1)
-    return Surroundings(normal, depth, area, np.full(n, lattice.cell_volume), leader)
+    seen_by_all = np.zeros(n, dtype=np.int8), np.full(n, -1)
+    return Surroundings(
+        normal, depth, area, np.full(n, lattice.cell_volume), leader, *seen_by_all, Frames.joined([], lattice.dimension)
+    )
 
 
 class WallCells:
-    """The wall particles of a case: first the sides of the domain, then the obstacles, then the bodies.
+    """The wall particles of a case: first the sides of the domain, then the bodies.
 
-    solid: which cells of the lattice sides and obstacles take
+    solid: which cells of the lattice the sides take
     position, velocity: (n, d), m and m/s
     slip: (n,) uint8, 1 on free-slip walls
     body: (n,) int32, number of the wall body, from 1
@@ -76,16 +85,13 @@ class WallCells:
         self.position = np.empty((0, d))
         self.velocity = np.empty((0, d))
         self.slip = np.empty(0, dtype=np.uint8)
+        self.sides = np.empty(0, dtype=np.uint8)
         self.body = np.empty(0, dtype=np.int32)
         self.solids: list[Solid] = []
 
     @property
     def count(self) -> int:
         return len(self.body)
-
-    def solid_in_domain(self) -> NDArray[np.bool_] | None:
-        """Which cells of the domain obstacles take; None if there are none."""
-        return self.solid[self.lattice.domain] if self.case.obstacles else None
 
     def add_sides(self) -> None:
         """Fill the layers beyond those sides of the domain that are walls.
@@ -103,6 +109,7 @@ class WallCells:
         slips = [np.zeros(n, dtype=np.bool_) for n in lattice.shape]
         speeds = [np.zeros((n, d)) for n in lattice.shape]
         bodies = [np.zeros(n, dtype=np.int32) for n in lattice.shape]
+        bits = [np.zeros(n, dtype=np.uint8) for n in lattice.shape]
         for k in range(d):
             before, after = lattice.layers[k]
             last = lattice.shape[k] - after
@@ -115,7 +122,8 @@ class WallCells:
                 self.names.append(f"{AXES[k]}_{end}")
                 depth[k][beyond] = layer
                 slips[k][beyond] = side.wall == "free_slip"
-                speeds[k][beyond] = side.velocity or 0.0
+                speeds[k][beyond] = vector_at(side.velocity) or 0.0
+                bits[k][beyond] = 1 << (2 * k + (end == "upper"))
                 bodies[k][beyond] = len(self.names)
         if not self.names:
             return
@@ -137,50 +145,21 @@ class WallCells:
 
         deepest = np.argmax(2 * behind + no_slip, axis=1)  # among equals a no-slip wall, then the first axis
         body = np.choose(deepest, [bodies[k][cells[k]] for k in range(d)])
-        self._append(cells, velocity, ~any_no_slip, body)
+        sides = sum(np.where(decides[:, k], bits[k][cells[k]], 0) for k in range(d))
+        self._append(cells, velocity, ~any_no_slip, body, sides)
 
-    def add_obstacles(self, problems: list[Problem]) -> None:
-        """Make the cells inside obstacles solid; where two overlap, the first has them.
-
-        An obstacle may stick out of an open side as far as the layers reach.
-        """
-        lattice = self.lattice
-        axes = lattice.axes() if self.case.obstacles else []
-        for k, obstacle in enumerate(self.case.obstacles):
-            path = f"obstacles.{k}.shape"
-            try:
-                mask = inside(obstacle.shape, axes, self.case.spacing)
-            except (ExpressionError, ValueError) as error:
-                problems.append(expression_problem(path, obstacle.shape, error))
-                continue
-            mask &= ~self.solid
-            self.names.append(obstacle.name or f"obstacle_{k + 1}")
-            if not mask.any():
-                rule = (
-                    "holds no particle of its own: it is outside the domain, thinner than particle_spacing "
-                    f"({self.case.spacing:g} m) or inside another obstacle"
-                )
-                problems.append(Problem(path, obstacle.shape.kind, rule, "move or enlarge it, or delete it"))
-                continue
-            self.solid |= mask
-            cells = np.nonzero(mask)
-            n = len(cells[0])
-            velocity = np.broadcast_to(obstacle.velocity or 0.0, (n, lattice.dimension))
-            free = np.full(n, obstacle.wall == "free_slip")
-            self._append(cells, velocity, free, np.full(n, len(self.names)))
-
-    def add_bodies(self, support: float, problems: list[Problem]) -> None:
-        """Add the boundary particles of the bodies; which cells they take is for `block` to say.
+    def add_bodies(self, support: float, problems: list[Problem], warnings: list[str]) -> None:
+        """Add the boundary particles of the bodies; `covered` says which cells they take.
 
         support: reach of the smoothing kernel, m; the layers are as deep.
         """
-        self.solids = make_solids(self.case, self.lattice, support, problems)
+        self.solids = make_solids(self.case, self.lattice, support, problems, warnings)
         for solid, (name, body) in zip(self.solids, self.case.bodies.items(), strict=False):
             self.names.append(name)
             n = solid.sampling.count
             free = np.full(n, body.wall == "free_slip")
             still = np.zeros((n, self.lattice.dimension))
-            self._append_at(solid.sampling.position, still, free, np.full(n, len(self.names)))
+            self._append_at(solid.sampling.position, still, free, np.full(n, len(self.names)), np.zeros(n))
 
     def covered(self, nearer: float) -> NDArray[np.bool_]:
         """Cells of the lattice whose middle is in a body or nearer to one than `nearer`, m."""
@@ -194,19 +173,23 @@ class WallCells:
         lattice = self.lattice
         known = sum(solid.sampling.count for solid in self.solids)
         sides = surroundings_of_sides(self.position[: self.count - known], lattice)
-        parts, first = [sides], len(sides.depth)
+        parts, first, first_frame = [sides], len(sides.depth), 0
         for solid in self.solids:
             s = solid.sampling
-            parts.append(Surroundings(s.normal, s.depth, s.area, s.volume, s.leader + first))
-            first += len(s.depth)
-        columns = zip(*((p.normal, p.depth, p.area, p.volume, p.leader) for p in parts), strict=True)
-        return Surroundings(*(np.concatenate(column) for column in columns))
+            frame = np.where(s.frame < 0, -1, s.frame + first_frame)
+            parts.append(Surroundings(s.normal, s.depth, s.area, s.volume, s.leader + first, s.sheet, frame, s.frames))
+            first += s.count
+            first_frame += s.frames.count
+        names = ("normal", "depth", "area", "volume", "leader", "sheet", "frame")
+        columns = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
+        return Surroundings(**columns, frames=Frames.joined([part.frames for part in parts], lattice.dimension))
 
-    def _append(self, cells: tuple[NDArray[np.intp], ...], velocity: Any, slip: Any, body: Any) -> None:
-        self._append_at(points_of(self.lattice.axes(), cells), velocity, slip, body)
+    def _append(self, cells: tuple[NDArray[np.intp], ...], velocity: Any, slip: Any, body: Any, sides: Any) -> None:
+        self._append_at(points_of(self.lattice.axes(), cells), velocity, slip, body, sides)
 
-    def _append_at(self, position: Any, velocity: Any, slip: Any, body: Any) -> None:
+    def _append_at(self, position: Any, velocity: Any, slip: Any, body: Any, sides: Any) -> None:
         self.position = np.concatenate([self.position, position])
         self.velocity = np.concatenate([self.velocity, velocity])
         self.slip = np.concatenate([self.slip, slip.astype(np.uint8)])
         self.body = np.concatenate([self.body, body.astype(np.int32)])
+        self.sides = np.concatenate([self.sides, sides.astype(np.uint8)])

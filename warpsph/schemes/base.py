@@ -37,6 +37,8 @@ class Scheme:
         staggered: velocities are half a step behind positions, as of a leapfrog.
         shown: names of fields that a snapshot carries in `own`, beside those of every scheme.
         work: names of arrays beside the fields that kernels ask for and that may be absent.
+        kept: names of arrays beside the fields that a restart goes on from, where a run has them.
+        open_sides: sides of the domain may be inlets and outlets.
     """
 
     name: str
@@ -49,6 +51,8 @@ class Scheme:
     staggered: bool = False
     shown: tuple[str, ...] = ()
     work: frozenset[str] = frozenset()
+    kept: tuple[str, ...] = ()
+    open_sides: bool = False
 
     # a case ------------------------------------------------------------------------------------------------------------
 
@@ -84,7 +88,7 @@ class Scheme:
 
     # the start -----------------------------------------------------------------------------------------------------------
 
-    def room(self, case: Any, geometry: Geometry) -> int:
+    def room(self, case: Any, geometry: Geometry, physics: Physics) -> int:
         """Return for how many fluid particles there is room at first, where their number changes (`Spec.changing`)."""
         return geometry.fluid_count
 
@@ -103,6 +107,10 @@ class Scheme:
         return None
 
     # what is read off a run -----------------------------------------------------------------------------------------
+
+    def flow_rates(self, case: Any, geometry: Geometry, physics: Physics, bindings: Mapping[str, Any]) -> dict[str, float]:
+        """Return what goes through inlets and outlets, for gauges; see `warpsph.measure.flow_gauges`."""
+        return {}
 
     def memory_beside(self, spec: Spec, fluid: int, entries: int) -> int:
         """Return the bytes on the device beside fields and list, of so many particles with so many list entries each."""

@@ -9,6 +9,7 @@ import numpy as np
 
 from warpsph.kernels.core.smoothing import KERNELS, make_smoothing
 from warpsph.kernels.core.spec import Spec
+from warpsph.scene.forcing import forcing_of
 from warpsph.scene.physics import VISCOUS_LIMIT, Physics, check_periods, flow_scales, has_room, smoothing_ratio
 from warpsph.schemes.isph_numerics import IsphNumerics
 
@@ -72,8 +73,7 @@ def derive(case: Case, geometry: Geometry, row_list: bool) -> Physics:
     assert isinstance(numerics, IsphNumerics)
     paper = numerics.formulation == "paper"
     filled = not has_room(case, geometry)
-    gravity = np.asarray(case.gravity, dtype=float)
-    body = np.asarray(case.body_force, dtype=float)
+    forcing = forcing_of(case)
     phase = case.phases[case.phase_names[0]]
     choices: dict[str, Any] = {}
     reasons: dict[str, str] = {}
@@ -109,10 +109,9 @@ def derive(case: Case, geometry: Geometry, row_list: bool) -> Physics:
     support = h * KERNELS[numerics.kernel].support
     viscous = phase.viscosity > 0
     scales, _ = flow_scales(case, geometry, np.zeros((1, 1)), filled)
-    obstacles = geometry.wall_count > 0
     viscosity = str(form) if viscous else "none"
     cap: dict[str, float] = {}
-    force = float(np.linalg.norm(gravity + body))
+    force = float(np.linalg.norm(np.abs(forcing.ranges(forcing.gravity) + forcing.ranges(forcing.body_force)).max(axis=1)))
     if force > 0:
         cap["gravity"] = 0.25 * math.sqrt(h / force)
     if numerics.maximum_step is not None:
@@ -135,13 +134,17 @@ def derive(case: Case, geometry: Geometry, row_list: bool) -> Physics:
         precision=case.precision,
         kernel=numerics.kernel,
         periodic=tuple(case.periodic),
-        walls=obstacles,
+        walls=geometry.wall_count > 0,
         bodies=bool(case.bodies),
+        tails=geometry.surface is not None and geometry.surface.frames.count > 0,
         wall_no_slip=viscous and bool((geometry.wall_slip[geometry.kind == 1] == 0).any()),
         viscosity=viscosity,
         corrected=gradient == "corrected",
-        gravity=bool(np.any(gravity != 0)),
-        body_force=bool(np.any(body != 0)),
+        gravity=bool(np.any(forcing.hydrostatic() != 0)),
+        body_force=bool(np.any(forcing.driving() != 0)),
+        varying_force=forcing.varying_force,
+        varying_sides=forcing.varying_sides,
+        moving=bool(forcing.tracks),
         central_force=case.central_force is not None,
         shifting=float(shifting) > 0 or not filled,  # collisions at a free surface come with it
         free_surface=not filled,

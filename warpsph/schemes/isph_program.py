@@ -9,7 +9,11 @@ import dataclasses
 
 from warpsph.engine.program import Absent, BuildList, Node, Program, Solve, Stage, Substeps
 from warpsph.kernels.core.clock import make_advance
+from warpsph.kernels.core.drive import make_signals
+from warpsph.kernels.core.moving_bodies import make_move_bodies
+from warpsph.kernels.core.poses import NEXT
 from warpsph.kernels.core.spec import Spec
+from warpsph.kernels.core.time_signals import depends_on_time
 from warpsph.kernels.core.wall import make_wall
 from warpsph.kernels.core.wall_fit import make_wall_fit, make_wall_rows, make_wall_values
 from warpsph.kernels.isph.body_flow import make_look_ahead
@@ -30,13 +34,14 @@ def program(spec: Spec) -> Program:
 
 def step(spec: Spec) -> list[Node]:
     """Return the nodes of one time step, in order."""
-    return [*move(spec), BuildList(), *look(spec), *friction(spec), *pressure(spec), *finish(spec)]
+    return [*signals(spec), *move(spec), BuildList(), *look(spec), *friction(spec), *pressure(spec), *finish(spec)]
 
 
 def first(spec: Spec) -> list[Node]:
     """Return the nodes of the first step, whose pressure equation has to know its own gradient."""
     again = [*_gradient(spec), *look(spec), *friction(spec), *pressure(spec)]
     return [
+        *signals(spec),
         *move(spec),
         BuildList(),
         *look(spec),
@@ -50,7 +55,7 @@ def first(spec: Spec) -> list[Node]:
 def start(spec: Spec) -> list[Node]:
     """Return the nodes that find the gradient of the start pressure, which the surface stage would overwrite."""
     seen = [stage for stage in look(spec) if stage.name not in ("surface", "fragments")]
-    return [BuildList("the first list"), *seen, _gradient(spec)[-1]]
+    return [*signals(spec), *bodies(spec), BuildList("the first list"), *seen, _gradient(spec)[-1]]
 
 
 def _gradient(spec: Spec) -> list[Stage]:
@@ -80,9 +85,25 @@ def friction(spec: Spec) -> list[Node]:
     return nodes
 
 
+def signals(spec: Spec) -> list[Stage]:
+    """Return the stage that evaluates what depends on time, all of it at the end of the step."""
+    if not depends_on_time(spec):
+        return []
+    return [Stage("signals", make_signals(spec), "one", "what depends on time", {"share": 1.0})]
+
+
 def move(spec: Spec) -> list[Stage]:
     """Return the stage before the neighbour list of the step."""
-    return [Stage("advect", make_advect(spec), "fluid", "moves the particles; the list is built after it")]
+    stages = [Stage("advect", make_advect(spec), "fluid", "moves the particles; the list is built after it")]
+    return [*bodies(spec), *stages]
+
+
+def bodies(spec: Spec) -> list[Stage]:
+    """Return the stage that brings moving bodies to where they are at the end of the step."""
+    if not spec.moving:
+        return []
+    values = {"level": NEXT, "speed": 1, "closing": 1}
+    return [Stage("move_bodies", make_move_bodies(spec), "wall", "bodies at the end of the step", values)]
 
 
 def look(spec: Spec) -> list[Stage]:
@@ -93,9 +114,9 @@ def look(spec: Spec) -> list[Stage]:
         ahead, reason = make_look_ahead(spec), "velocity at the end of the step, which bodies see"
         stages.append(Stage("look_ahead", ahead, "fluid", reason, values={"behind": 0}))
         stages.append(Stage("look_ahead", ahead, "wall", reason, values={"behind": 1}))
-        stages += bodies(spec, "velocity_ahead")
+        stages += continued(spec, "velocity_ahead")
     elif spec.wall_no_slip and spec.walls:
-        stages.append(Stage("wall_state", make_wall(spec), "wall", "mirrored velocity of the obstacles"))
+        stages.append(Stage("wall_state", make_wall(spec), "wall", "mirrored velocity of the bodies"))
     stages.append(Stage("predict", make_predict(spec), "fluid", "velocity without pressure; correction of the gradient"))
     if spec.free_surface:
         find, drop = make_surface(spec)
@@ -104,7 +125,7 @@ def look(spec: Spec) -> list[Stage]:
     return stages
 
 
-def bodies(spec: Spec, field: str) -> list[Stage]:
+def continued(spec: Spec, field: str) -> list[Stage]:
     """Return the stages that continue pressure and a velocity field of the fluid into bodies; none without them."""
     if not spec.bodies:
         return []
@@ -139,7 +160,7 @@ def finish(spec: Spec) -> list[Stage]:
     """Return the stages after the solver."""
     stages = [
         *take(spec),
-        *bodies(spec, "velocity"),
+        *continued(spec, "velocity"),
         Stage("regularise", make_regularise(spec), "fluid", "divergence left over, shift of the particles"),
     ]
     if not spec.second_order:
@@ -169,13 +190,15 @@ def absent(spec: Spec) -> list[Absent]:
     if not spec.mirror:
         rows.append(Absent("mirror images", "no side of the domain is a wall"))
     if not spec.walls:
-        rows.append(Absent("wall_state", "no obstacles"))
+        rows.append(Absent("wall_state", "no bodies"))
     if spec.viscosity == "none":
         rows.append(Absent("viscous term", "viscosity is zero"))
     elif not spec.implicit_viscosity:
         rows.append(Absent("implicit viscosity", "friction does not limit the step much, or the case says so"))
     if not spec.gravity:
         rows.append(Absent("gravity", "gravity is zero"))
+    if not depends_on_time(spec):
+        rows.append(Absent("signals", "nothing depends on time"))
     if not spec.shifting:
         rows.append(Absent("shift", "numerics.shifting is 0"))
     if spec.second_order:

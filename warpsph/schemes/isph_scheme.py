@@ -50,7 +50,7 @@ class IsphScheme(Scheme):
             yield Problem("numerics.tolerance", case.numerics.tolerance, f"is out of reach in {case.precision}", remedy)
         for name, gauge in case.gauges.items():
             if gauge.type == "wall_force":
-                rule = "needs wall particles, which scheme: isph has at obstacles alone, and their pressure"
+                rule = "needs wall particles, which scheme: isph has at bodies alone, and their pressure"
                 yield Problem(f"gauges.{name}.type", gauge.type, rule, "use a gauge of type points at the wall")
 
     def derive(self, case: Any, geometry: Geometry, row_list: bool) -> Physics:

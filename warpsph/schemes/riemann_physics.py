@@ -10,9 +10,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from warpsph.errors import MISSING, CaseError, Problem
 from warpsph.kernels.core.smoothing import KERNELS
 from warpsph.kernels.core.spec import Spec
 from warpsph.scene.fluid_regions import LIGHT
+from warpsph.scene.forcing import forcing_of
+from warpsph.scene.open_faces import open_axis, open_sides
 from warpsph.scene.physics import (
     VISCOUS_LIMIT,
     Physics,
@@ -56,9 +59,12 @@ def derive(case: Case, geometry: Geometry, row_list: bool = True) -> Physics:
     names = case.phase_names
     phases = [case.phases[name] for name in names]
     filled = not has_room(case, geometry)
+    if case.has_flow_through and not filled:
+        rule = "leave room in the domain; with inlets or outlets the fluid has to fill it"
+        raise CaseError([Problem("fluids", MISSING, rule, "add {phase: ..., shape: rest} at the end")])
     tension = tension_matrix(case)
     has_tension = bool((tension > 0).any())
-    gravity = np.asarray(case.gravity, dtype=float)
+    forcing = forcing_of(case)
     viscous = any(phase.viscosity > 0 for phase in phases)
 
     choices: dict[str, Any] = {}
@@ -99,10 +105,11 @@ def derive(case: Case, geometry: Geometry, row_list: bool = True) -> Physics:
     shifting = choose(
         "shifting", SHIFTING if corrected else 0.0, "the corrected gradient needs it" if corrected else "not needed"
     )
+    closed = filled and not case.has_flow_through
     constraint = choose(
         "volume_constraint",
-        corrected and filled,
-        "the corrected gradient leaves the mean pressure free" if corrected and filled else "not needed",
+        corrected and closed,
+        "the corrected gradient leaves the mean pressure free" if corrected and closed else "not needed",
     )
     held = corrected and filled and float(shifting) > 0
     room = choose(
@@ -135,6 +142,7 @@ def derive(case: Case, geometry: Geometry, row_list: bool = True) -> Physics:
         periodic=tuple(case.periodic),
         walls=geometry.wall_count > 0,
         bodies=bool(case.bodies),
+        tails=geometry.surface is not None and geometry.surface.frames.count > 0,
         wall_no_slip=viscous and bool((geometry.wall_slip[geometry.kind == 1] == 0).any()),
         viscosity=str(form) if viscous else "none",
         tension=str(tension_form) if has_tension else "none",
@@ -145,8 +153,11 @@ def derive(case: Case, geometry: Geometry, row_list: bool = True) -> Physics:
         and (has_tension or any(gauge.type == "interface_length" for gauge in case.gauges.values())),
         corrected=corrected,
         paper_star=star == "arithmetic" and len(phases) > 1,
-        gravity=bool(np.any(gravity != 0)),
-        body_force=bool(np.any(np.asarray(case.body_force, dtype=float) != 0)),
+        gravity=bool(np.any(forcing.hydrostatic() != 0)),
+        body_force=bool(np.any(forcing.driving() != 0)),
+        varying_force=forcing.varying_force,
+        varying_sides=forcing.varying_sides,
+        moving=bool(forcing.tracks),
         central_force=case.central_force is not None,
         shifting=float(shifting) > 0,
         volume_constraint=bool(constraint),
@@ -155,6 +166,9 @@ def derive(case: Case, geometry: Geometry, row_list: bool = True) -> Physics:
         interface_force=float(zeta) > 0 and len(phases) > 1,
         dissipation=float(dissipation) > 0,
         free_surface=not filled,
+        changing=case.has_flow_through,
+        open_axis=open_axis(case),
+        sponge=any(flow.sponge is not None for _, _, _, flow in open_sides(case)),
         row_list=row_list,
     )
     cap = step_limits(case, spec, h, tension)
@@ -178,7 +192,7 @@ def derive(case: Case, geometry: Geometry, row_list: bool = True) -> Physics:
 
 def heavy(case: Case) -> bool:
     """Return whether gravity acts."""
-    return bool(np.any(np.asarray(case.gravity, dtype=float) != 0))
+    return bool(np.any(forcing_of(case).hydrostatic() != 0))
 
 
 def needed_sound_speeds(case: Case, scales: dict[str, float], seen: np.ndarray, filled: bool) -> list[float]:

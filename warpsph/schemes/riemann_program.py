@@ -8,7 +8,13 @@ from __future__ import annotations
 
 from warpsph.engine.program import Absent, BuildList, KeepList, Node, Program, Rarely, Stage
 from warpsph.kernels.core.clock import make_advance
+from warpsph.kernels.core.crossing import BLOCKS, make_births, make_crossing, make_fill
+from warpsph.kernels.core.drive import make_move_sides, make_signals
+from warpsph.kernels.core.moving_bodies import make_move_bodies
+from warpsph.kernels.core.poses import MIDDLE, NEXT
 from warpsph.kernels.core.spec import Spec
+from warpsph.kernels.core.surface_load import make_surface_load
+from warpsph.kernels.core.time_signals import depends_on_time
 from warpsph.kernels.core.wall import make_wall
 from warpsph.kernels.core.wall_fit import make_wall_fit, make_wall_rows, make_wall_values
 from warpsph.kernels.riemann.contact import make_contact
@@ -19,6 +25,7 @@ from warpsph.kernels.riemann.interface import make_curvature, make_fraction, mak
 from warpsph.kernels.riemann.interface_flow import make_interface_flow
 from warpsph.kernels.riemann.load import make_load
 from warpsph.kernels.riemann.momentum import make_momentum
+from warpsph.kernels.riemann.open_flow import make_buffer, make_face, make_sponge
 from warpsph.kernels.riemann.volume import make_volume
 
 
@@ -28,20 +35,32 @@ def program(spec: Spec) -> Program:
     if spec.interface and spec.tension == "none":
         measures["interface"] = [*geometry(spec)]
     if spec.walls:
-        measures["wall_load"] = [wall_load(spec)]
-    return Program(step=step(spec), start=start(spec), advance=advance(spec), measures=measures)
+        measures["wall_load"] = [*signals(spec), *wall_load(spec)]
+    return Program(
+        step=step(spec),
+        start=start(spec),
+        advance=advance(spec),
+        measures=measures,
+        changes=crossing(spec),
+    )
 
 
 def step(spec: Spec) -> list[Node]:
     """Return the nodes of one time step, in order."""
     rare = [*constraints(spec), *tension(spec)]
     return [
+        *signals(spec),
+        *moving_sides(spec),
+        *bodies(spec, MIDDLE, speed=1),
         Stage("kick_drift", make_kick_drift(spec), "fluid", "moves the particles"),
         *sides(spec),
         Stage("continuity", make_continuity(spec), "fluid", "density and pressure from star velocities"),
+        *bodies(spec, NEXT, closing=1),
+        *open_flow(spec),
         *walls(spec),
         *([Rarely(rare)] if rare else []),
         Stage("momentum", make_momentum(spec), "fluid", "acceleration from star pressures"),
+        *sponge(spec),
         advance(spec),
         KeepList(),
     ]
@@ -66,12 +85,83 @@ def constraints(spec: Spec) -> list[Stage]:
 def start(spec: Spec) -> list[Node]:
     """Return the nodes that complete a start: state from density, list, then the acceleration."""
     return [
+        *signals(spec),
+        *bodies(spec, NEXT, speed=1, closing=1),
+        *fill(spec),
         state(spec),
         BuildList("the first list"),
+        *open_flow(spec, beginning=1),
         *sides(spec),
         *walls(spec),
         *tension(spec),
         Stage("momentum", make_momentum(spec), "fluid", "first acceleration"),
+    ]
+
+
+def signals(spec: Spec) -> list[Stage]:
+    """Return the stage that evaluates what depends on time; walls move with their velocity in the middle of the step."""
+    if not depends_on_time(spec):
+        return []
+    return [Stage("signals", make_signals(spec), "one", "what depends on time", {"share": 0.5})]
+
+
+def moving_sides(spec: Spec) -> list[Stage]:
+    """Return the stage that gives wall particles the velocity of the sides that they are behind."""
+    if not (spec.walls and spec.varying_sides):
+        return []
+    return [Stage("move_sides", make_move_sides(spec), "wall", "the velocity of a side of the domain depends on time")]
+
+
+def bodies(spec: Spec, level: int, speed: int = 0, closing: int = 0) -> list[Stage]:
+    """Return the stage that brings moving bodies to where they are in the middle of the step or at its end."""
+    if not spec.moving:
+        return []
+    reason = "bodies in the middle of the step" if level == MIDDLE else "bodies at the end of the step"
+    values = {"level": level, "speed": speed, "closing": closing}
+    return [Stage("move_bodies", make_move_bodies(spec), "wall", reason, values)]
+
+
+def fill(spec: Spec) -> list[Stage]:
+    """Return the stages that fill the buffers of inlets and outlets."""
+    if spec.open_axis < 0:
+        return []
+    write, count = make_fill(spec)
+    return [
+        Stage("fill_buffers", write, "fill_zone", "particles beyond inlets and outlets"),
+        Stage("count_buffers", count, "one", "counts them in"),
+    ]
+
+
+def open_flow(spec: Spec, beginning: int = 0) -> list[Stage]:
+    """Return the stages that give inlets, outlets and their buffers pressure and velocity."""
+    if spec.open_axis < 0:
+        return []
+    return [
+        Stage("open_face", make_face(spec), "site_side", "what arrives at inlets and outlets", {"beginning": beginning}),
+        Stage("open_buffer", make_buffer(spec), "fluid", "the flow beyond inlets and outlets"),
+    ]
+
+
+def sponge(spec: Spec) -> list[Stage]:
+    """Return the stage of the damping layers inside of inlets and outlets."""
+    if not spec.sponge:
+        return []
+    return [Stage("sponge", make_sponge(spec), "fluid", "layers that draw the flow to what inlets and outlets give")]
+
+
+def crossing(spec: Spec) -> list[Stage]:
+    """Return the stages that let particles in and out, before a list is made."""
+    if spec.open_axis < 0:
+        return []
+    count, place, write = make_births(spec)
+    cross, count_in = make_crossing(spec)
+    blocks = BLOCKS[spec.row_list]
+    return [
+        Stage("births", count, blocks, "rows of the inlets that go on"),
+        Stage("births_place", place, "one", "is there room for them"),
+        Stage("births_write", write, blocks, "new particles of these rows"),
+        Stage("crossing", cross, blocks, "fluid that comes in and goes out"),
+        Stage("crossing_count", count_in, "one", "counts particles and mass"),
     ]
 
 
@@ -93,9 +183,13 @@ def geometry(spec: Spec) -> list[Stage]:
     ]
 
 
-def wall_load(spec: Spec) -> Stage:
-    """Return the stage that a wall-force gauge runs: the force on each wall particle."""
-    return Stage("wall_load", make_load(spec), "wall", "wall-force gauge")
+def wall_load(spec: Spec) -> list[Stage]:
+    """Return the stages that a wall-force gauge runs: the force on each wall particle."""
+    if spec.bodies and spec.corrected:
+        # a build of the list may have moved the rows since the fit
+        fit = Stage("wall_fit", make_wall_fit(spec), "wall", "linear fit of the flow before the walls")
+        return [fit, Stage("wall_load", make_surface_load(spec), "wall", "wall-force gauge, over the surface")]
+    return [Stage("wall_load", make_load(spec), "wall", "wall-force gauge")]
 
 
 def sides(spec: Spec) -> list[Stage]:
@@ -151,6 +245,8 @@ def absent(spec: Spec) -> list[Absent]:
         rows.append(Absent("gravity", "gravity is zero"))
     if not spec.body_force:
         rows.append(Absent("body force", "body_force is zero"))
+    if not depends_on_time(spec):
+        rows.append(Absent("signals", "nothing depends on time"))
     if not spec.shifting:
         rows.append(Absent("shift", "numerics.shifting is 0"))
     if not spec.corrected:
@@ -163,6 +259,8 @@ def absent(spec: Spec) -> list[Absent]:
         rows.append(Absent("drift", "walls, open sides, or a gradient that conserves momentum pair by pair"))
     if not spec.interface_force:
         rows.append(Absent("interface force", "numerics.interface_force is 0"))
+    if spec.open_axis < 0:
+        rows.append(Absent("open_face, open_buffer, crossing", "no side of the domain is an inlet or an outlet"))
     if not any(spec.periodic):
         rows.append(Absent("periodic images", "no periodic axis"))
     return rows

@@ -31,7 +31,10 @@ class RiemannScheme(Scheme):
     numerics = RiemannNumerics
     printed_ratio = 1.25
     staggered = True
-    work = frozenset({"load", "velocity_old"})  # the latter of the wall stage, which knows schemes of two time levels
+    open_sides = True
+    kept = ("site_memory", "site_ahead", "face_pressure", "face_velocity", "through")
+    # the last of the wall stage, which knows schemes of two time levels
+    work = frozenset({"load", "friction", "velocity_old"})
 
     def check(self, case: Any) -> Iterator[Problem]:
         """Yield what needs a closed or periodic domain and has none."""
@@ -44,6 +47,9 @@ class RiemannScheme(Scheme):
                 if "open" in (sides.lower.kind, sides.upper.kind):
                     rule = f"needs a closed or periodic domain, {axis} is open"
                     yield Problem("numerics.volume_constraint", True, rule, "write auto or false")
+            if case.has_flow_through:
+                rule = "needs a closed or periodic domain; inlets and outlets give the pressure"
+                yield Problem("numerics.volume_constraint", True, rule, "write auto or false")
 
     def derive(self, case: Any, geometry: Geometry, row_list: bool) -> Physics:
         """Return the numbers of a run, see `riemann_physics`."""
@@ -69,13 +75,25 @@ class RiemannScheme(Scheme):
 
         return riemann_program.absent(spec)
 
+    def room(self, case: Any, geometry: Geometry, physics: Physics) -> int:
+        """Return room for the fluid, and for the buffers of inlets and outlets."""
+        from warpsph.schemes import riemann_open
+
+        if physics.spec.open_axis < 0:
+            return geometry.fluid_count
+        return riemann_open.room(riemann_open.open_run(case, geometry, physics), geometry.fluid_count)
+
     def fill(self, population: Population, case: Any, geometry: Geometry, physics: Physics) -> None:
         """Put densities, and volumes of the particles at the reference density."""
+        import numpy as np
+
         from warpsph.scene import start_values
 
         excess = start_values.density_excess(case, geometry, physics)
         population.put("density_excess", excess)
         population.put("rest_volume", geometry.volume[: geometry.fluid_count] * (1.0 + excess))
+        if physics.spec.open_axis >= 0:
+            population.put("zone", np.ones(geometry.fluid_count))
 
     def values(self, params: Any, case: Any, geometry: Geometry, physics: Physics, device: Any) -> dict[str, Any]:
         """Set the numbers of its sweeps."""
@@ -86,7 +104,19 @@ class RiemannScheme(Scheme):
         params.shifting = float(choices["shifting"])
         params.shift_cap = SHIFT_CAP
         params.zeta = float(choices["interface_force"])
-        return {}
+        if physics.spec.open_axis < 0:
+            return {}
+        from warpsph.schemes import riemann_open
+
+        return riemann_open.arguments(riemann_open.open_run(case, geometry, physics), case, geometry, physics, device)
+
+    def flow_rates(self, case: Any, geometry: Geometry, physics: Physics, bindings: Mapping[str, Any]) -> dict[str, float]:
+        """Return the flow, mass and pressure of each inlet and outlet."""
+        from warpsph.schemes import riemann_open
+
+        if physics.spec.open_axis < 0:
+            return {}
+        return riemann_open.flow_rates(case, geometry, physics, bindings)
 
     def set_clock(self, clock: np.ndarray, counters: np.ndarray, physics: Physics) -> None:
         """Set the sound that limits the step, and when the rare stages run."""

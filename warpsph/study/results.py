@@ -70,7 +70,7 @@ class Results:
         return last_particles(self.folder, self.case.dimension).fluid
 
     def particles_at(self, time: float) -> tuple[Snapshot, Snapshot | None]:
-        """Fluid particles at a time [s], and those of walls and obstacles as they are then, None if there are none."""
+        """Fluid particles at a time [s], and those of walls and bodies as they are then, None if there are none."""
         slack = 1e-6 * max(abs(time), 1e-300)
         if self._snapshot is not None and abs(self._snapshot.time - time) <= slack:
             return self._snapshot.fluid, self._snapshot.wall

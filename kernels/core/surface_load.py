@@ -1,0 +1,132 @@
+"""Force of the fluid on the surface of bodies and sides, when a gauge asks for it (theory: riemann#a5).
+
+    F = sum over the first layer of A (-p_s n + mu (S + S^T) n)
+
+p_s is that of the linear fit at the foot (`wall_fit`). S is the slope of a quadratic through the velocity of the wall there:
+that of a straight line would be the slope some way off the wall. Where the fluid is too thin for it, S is that of the line.
+The two terms are kept apart: what is left of the force without the friction is that of the pressure.
+"""
+
+import functools
+from typing import Any
+
+import warp as wp
+
+from .pair import list_access, separation_of
+from .params import make_params, make_phase
+from .quadratic import make_quadratic
+from .smoothing import make_smoothing
+from .spec import SWEEP_OPTIONS, Spec, types, types_of
+
+
+@functools.cache
+def make_surface_load(spec: Spec) -> Any:
+    """Return the kernel over wall particles that writes force and friction on each [N, per metre of depth in 2-D]."""
+    real, vec, mat, pair = types_of(spec)
+    Params = make_params(spec.dimension, spec.precision)
+    Phase = make_phase(spec.precision)
+    fit = make_quadratic(spec.dimension)
+    vec64 = types(spec.dimension, "float64").vec
+    square, sides, basis, solve = fit.square, fit.sides, fit.basis, fit.solve
+    shape, _ = make_smoothing(spec.kernel, spec.precision)
+    separation = separation_of(spec)
+    list_begin, list_step, neighbour, Listed = list_access(spec)
+
+    @wp.kernel(module="unique", enable_backward=False, module_options=SWEEP_OPTIONS)
+    def surface_load(
+        first: int,
+        fluid_count: int,
+        particle_count: int,
+        list_width: int,
+        params: Params,
+        phases: wp.array(dtype=Phase),
+        neighbours: Listed,
+        fluid_neighbours: wp.array(dtype=wp.int16),
+        phase: wp.array(dtype=wp.int8),
+        position: wp.array(dtype=vec),
+        velocity: wp.array(dtype=vec),
+        state: wp.array(dtype=pair),
+        wall_depth: wp.array(dtype=real),
+        wall_normal: wp.array(dtype=vec),
+        wall_area: wp.array(dtype=real),
+        slip: wp.array(dtype=wp.uint8),
+        surface_pressure: wp.array(dtype=real),
+        surface_shear: wp.array(dtype=mat),
+        load: wp.array(dtype=vec),
+        friction: wp.array(dtype=vec),
+    ):
+        w = wp.tid() + first
+        normal = wall_normal[w]
+        rubbed = vec()
+        rubs = bool(False)
+        if wp.static(spec.wall_no_slip):
+            rubs = wall_area[w] > real(0.0) and slip[w] == wp.uint8(0)
+        if rubs:
+            i = w + fluid_count
+            foot = position[i] + normal * wall_depth[w]
+            own_velocity = velocity[i]
+            weight = real(0.0)
+            viscosity = real(0.0)  # of the fluids before the foot, by their weights
+            normal_matrix = square()
+            right = sides()
+            k = list_begin(i, list_width)
+            step = list_step(particle_count)
+            end = k + int(fluid_neighbours[i]) * step
+            while k < end:
+                j = neighbour(neighbours, i, k)
+                k += step
+                r = separation(position[j], foot, True, params) * params.inv_h
+                w_j = shape(wp.length(r)) * state[j][1]
+                own = int(0)
+                if wp.static(spec.multiphase):
+                    own = int(phase[j])
+                weight += w_j
+                viscosity += w_j * phases[own].viscosity
+                terms = basis(vec64(r))
+                normal_matrix += wp.outer(terms, wp.float64(w_j) * terms)
+                right += wp.outer(terms, wp.float64(w_j) * vec64(velocity[j] - own_velocity))
+            shear = surface_shear[w]
+            found, slopes = solve(normal_matrix, right)
+            if found:
+                for a in range(wp.static(spec.dimension)):
+                    for b in range(wp.static(spec.dimension)):
+                        shear[a, b] = real(slopes[b, a]) * params.inv_h
+            viscosity = viscosity / wp.max(weight, real(1.0e-30))
+            rubbed = (viscosity * wall_area[w]) * ((shear + wp.transpose(shear)) * normal)
+        load[w] = rubbed - (surface_pressure[w] * wall_area[w]) * normal
+        friction[w] = rubbed
+
+    return surface_load
+
+
+@functools.cache
+def make_load_torque(dimension: int, precision: str) -> Any:
+    """Return the kernel over wall particles that writes the torque of the force on each about the pivot of its body [N m].
+
+    In 2-D, per metre of depth, it is the first component, the other is 0.
+    """
+    real, vec, _, _ = types(dimension, precision)
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def load_torque(
+        first: int,
+        fluid_count: int,
+        position: wp.array(dtype=vec),
+        wall_depth: wp.array(dtype=real),
+        wall_normal: wp.array(dtype=vec),
+        wall_body: wp.array(dtype=int),
+        pivots: wp.array(dtype=vec),
+        load: wp.array(dtype=vec),
+        torque: wp.array(dtype=vec),
+    ):
+        w = wp.tid() + first
+        arm = position[w + fluid_count] + wall_normal[w] * wall_depth[w] - pivots[wall_body[w] - 1]
+        force = load[w]
+        turned = vec()
+        if wp.static(dimension == 3):
+            turned = wp.cross(arm, force)
+        else:
+            turned[0] = arm[0] * force[1] - arm[1] * force[0]
+        torque[w] = turned
+
+    return load_torque

@@ -1,0 +1,464 @@
+"""The flow at inlets and outlets: what arrives from inside, characteristics, values of the buffers (theory: riemann#open).
+
+At each site of an open side a linear fit of pressure and velocity of the fluid, not of the buffers, gives what arrives from
+inside, w_out = p + Z u_n (n points outwards). What comes in, w_in = p - Z u_n, is such that the side has what is given, at
+once or with a rate of `relaxation`:
+
+    velocity given: w_in = w_out - 2 Z u_n,  pressure given: w_in = 2 p - w_out
+    p* = (w_out + w_in)/2,  u_n* = (w_out - w_in)/(2 Z)
+
+Buffer particles take p* + (distance to the side) dp/dn, so that a linear pressure is continued exactly, and the velocity of
+the side, interpolated between its sites; the one across it with its slope too where waves may leave and fluid goes out.
+"""
+
+import functools
+from typing import Any
+
+import warp as wp
+
+from warpsph.kernels.core.cells import make_cell_of, make_grid
+from warpsph.kernels.core.clock import STEP, TIME
+from warpsph.kernels.core.crossing import make_open_side, make_outward
+from warpsph.kernels.core.eos import make_eos
+from warpsph.kernels.core.fields import BUFFER, FLUID
+from warpsph.kernels.core.pair import separation_of
+from warpsph.kernels.core.params import make_params, make_phase
+from warpsph.kernels.core.smoothing import make_smoothing
+from warpsph.kernels.core.spec import Spec, types, types_of
+
+RANGE = 3  # cells around a site that are searched: particles move up to 0.28 of the support between two lists
+LEAST_WEIGHT = 0.1  # of the sites next to a particle that have fluid before them
+LEAST_PIVOT = 1.0e-4  # of the normed moments in spacings of h, below which the fluid at a site is too thin for a fit
+
+
+@functools.cache
+def make_excess(precision: str) -> Any:
+    """Return the `wp.func` excess_of(p, stiffness, gamma): density excess at a pressure p without the background."""
+    real = types(2, precision).real
+    eos = make_eos(precision)
+
+    @wp.func
+    def excess_of(p: real, stiffness: real, gamma: real):
+        s = p / (stiffness * gamma)
+        for _ in range(3):  # Newton: the start is off by (gamma - 1) s^2/2
+            s -= (eos(s, stiffness, gamma) - p) / (stiffness * gamma * wp.pow(real(1.0) + s, gamma - real(1.0)))
+        return s
+
+    return excess_of
+
+
+@functools.cache
+def make_signal() -> Any:
+    """Return the `wp.func` signal_at(time, begin, count, step, signals): a factor sampled every `step` [s]."""
+
+    @wp.func
+    def signal_at(time: wp.float64, begin: int, count: int, step: wp.float64, signals: wp.array(dtype=wp.float64)):
+        place = wp.clamp(time / step, wp.float64(0.0), wp.float64(count - 1))
+        k = wp.min(int(place), wp.max(count - 2, 0))
+        share = place - wp.float64(k)
+        after = wp.min(k + 1, count - 1)
+        return signals[begin + k] * (wp.float64(1.0) - share) + signals[begin + after] * share
+
+    return signal_at
+
+
+def basis_size(dimension: int) -> int:
+    """Return how many terms the fit at a side has: 1, a slope an axis, and what is quadratic along the side."""
+    across = dimension - 1
+    return 1 + dimension + across * (across + 1) // 2
+
+
+@functools.cache
+def make_solve(size: int) -> Any:
+    """Return the `wp.func` solve(m, b) of a symmetric positive matrix by elimination; (pivots are above 0, solution)."""
+    row = wp.types.vector(length=size, dtype=wp.float64)
+    square = wp.types.matrix(shape=(size, size), dtype=wp.float64)
+
+    @wp.func
+    def solve(m: square, b: row):
+        u = m + square()
+        x = b + row()
+        good = bool(True)
+        for k in range(size):
+            if u[k, k] < wp.float64(LEAST_PIVOT):
+                good = False
+                u[k, k] = wp.float64(1.0)
+            for i in range(k + 1, size):
+                share = u[i, k] / u[k, k]
+                for j in range(k, size):
+                    u[i, j] = u[i, j] - share * u[k, j]
+                x[i] = x[i] - share * x[k]
+        for back in range(size):
+            k = size - 1 - back
+            total = x[k]
+            for j in range(k + 1, size):
+                total -= u[k, j] * x[j]
+            x[k] = total / u[k, k]
+        return good, x
+
+    return solve
+
+
+@functools.cache
+def make_fit(spec: Spec) -> Any:
+    """Return the `wp.func` fit(x, ...) of the fluid around a site: pressure, velocity, slopes along the axis, validity.
+
+    Least squares with the weights kernel times volume, linear across the side and quadratic along it: a linear fit would
+    take the curvature of a velocity profile for a velocity, and Z times that for a pressure. Without enough fluid for it the
+    mean, without any nothing.
+    """
+    real, vec, _, pair = types_of(spec)
+    d, axis = spec.dimension, spec.open_axis
+    size = basis_size(d)
+    row = wp.types.vector(length=size, dtype=wp.float64)
+    square = wp.types.matrix(shape=(size, size), dtype=wp.float64)
+    values_of = wp.types.vector(length=d + 1, dtype=wp.float64)
+    table = wp.types.matrix(shape=(d + 1, size), dtype=wp.float64)
+    first_across, second_across = ([k for k in range(d) if k != axis] * 2)[:2]
+    Params = make_params(d, spec.precision)
+    Grid = make_grid(d, spec.precision)
+    cell_of = make_cell_of(d, spec.precision)
+    shape, _ = make_smoothing(spec.kernel, spec.precision)
+    separation = separation_of(spec)
+    solve = make_solve(size)
+    px, py, pz = ([*spec.periodic, False, False])[:3]
+
+    @wp.struct
+    class Fitted:
+        valid: int
+        pressure: wp.float64
+        slope: wp.float64
+        stretch: wp.float64
+        velocity: vec
+
+    @wp.func
+    def terms(off: vec):
+        result = row()
+        result[0] = wp.float64(1.0)
+        result[1] = wp.float64(off[axis])
+        a = wp.float64(off[first_across])
+        result[2] = a
+        if wp.static(d == 2):
+            result[3] = a * a
+        else:
+            b = wp.float64(off[second_across])
+            result[3] = b
+            result[4] = a * a
+            result[5] = b * b
+            result[6] = a * b
+        return result
+
+    @wp.func
+    def window(c: int, n: int, periodic: bool):
+        low = c - RANGE
+        high = c + RANGE
+        if periodic:
+            if n <= 2 * RANGE + 1:
+                low = 0
+                high = n - 1
+        else:
+            low = wp.max(low, 0)
+            high = wp.min(high, n - 1)
+        return low, high + 1
+
+    @wp.func
+    def fit(
+        x: vec,
+        params: Params,
+        grid: Grid,
+        cell_start: wp.array(dtype=int),
+        position: wp.array(dtype=vec),
+        velocity: wp.array(dtype=vec),
+        state: wp.array(dtype=pair),
+        zone: wp.array(dtype=wp.int8),
+    ):
+        c = cell_of(x, grid)
+        x0, x1 = window(c[0], grid.nx, px)
+        y0, y1 = window(c[1], grid.ny, py)
+        z0, z1 = window(c[2], grid.nz, pz)
+        moment = square()
+        right = table()  # a row for each of pressure and velocity, a column for each term
+        for cz in range(z0, z1):
+            for cy in range(y0, y1):
+                for cx in range(x0, x1):
+                    line = ((cz + grid.nz) % grid.nz) * grid.ny + (cy + grid.ny) % grid.ny
+                    cell = line * grid.nx + (cx + grid.nx) % grid.nx
+                    for j in range(cell_start[cell], cell_start[cell + 1]):
+                        if int(zone[j]) == FLUID:
+                            off = separation(position[j], x, True, params) * params.inv_h
+                            weight = wp.float64(shape(wp.length(off)) * state[j][1])
+                            if weight > wp.float64(0.0):
+                                basis = terms(off)
+                                found = values_of()
+                                found[0] = wp.float64(state[j][0])
+                                for a in range(wp.static(d)):
+                                    found[a + 1] = wp.float64(velocity[j][a])
+                                moment += weight * wp.outer(basis, basis)
+                                right += weight * wp.outer(found, basis)
+        result = Fitted()
+        total = moment[0, 0]
+        result.valid = 0
+        if total > wp.float64(0.0):
+            result.valid = 1
+            unit = row()
+            unit[0] = wp.float64(1.0)
+            good, first = solve(moment / total, unit)
+            if good:
+                unit[0] = wp.float64(0.0)
+                unit[1] = wp.float64(1.0)
+                _, second = solve(moment / total, unit)
+                result.slope = wp.dot(right[0], second) / total * wp.float64(params.inv_h)
+                result.stretch = wp.dot(right[1 + axis], second) / total * wp.float64(params.inv_h)
+            else:
+                first = unit
+            result.pressure = wp.dot(right[0], first) / total
+            for a in range(wp.static(d)):
+                result.velocity[a] = real(wp.dot(right[a + 1], first) / total)
+        return result
+
+    return fit
+
+
+@functools.cache
+def make_face(spec: Spec) -> Any:
+    """Return the kernel over the sites of all open sides: pressure, velocity, and how both go on outwards.
+
+    site_memory holds w_in and what was given in the step before; `beginning` = 1 sets it: to what is given, or where waves
+    may leave to what the fluid inside has.
+    """
+    real, vec, mat, pair = types_of(spec)
+    Params = make_params(spec.dimension, spec.precision)
+    Phase = make_phase(spec.precision)
+    Grid = make_grid(spec.dimension, spec.precision)
+    OpenSide = make_open_side(spec.dimension, spec.precision)
+    fit, signal_at = make_fit(spec), make_signal()
+    axis = spec.open_axis
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def face_state(
+        first: int,
+        beginning: int,
+        params: Params,
+        grid: Grid,
+        clock: wp.array(dtype=wp.float64),
+        phases: wp.array(dtype=Phase),
+        open_sides: wp.array(dtype=OpenSide),
+        signals: wp.array(dtype=wp.float64),
+        signal_step: wp.float64,
+        site_side: wp.array(dtype=int),
+        site_position: wp.array(dtype=vec),
+        site_velocity: wp.array(dtype=vec),
+        site_pressure: wp.array(dtype=real),
+        site_memory: wp.array(dtype=wp.vec2d),
+        site_ahead: wp.array(dtype=wp.float64),
+        cell_start: wp.array(dtype=int),
+        position: wp.array(dtype=vec),
+        velocity: wp.array(dtype=vec),
+        state: wp.array(dtype=pair),
+        zone: wp.array(dtype=wp.int8),
+        face_pressure: wp.array(dtype=pair),
+        face_velocity: wp.array(dtype=vec),
+        face_stretch: wp.array(dtype=real),
+    ):
+        k = wp.tid() + first
+        side = open_sides[site_side[k]]
+        if beginning == 0:
+            # the way of its row in the drift of this step
+            site_ahead[k] = site_ahead[k] - wp.float64(face_velocity[k][axis] * side.outward) * clock[STEP]
+        inside = fit(site_position[k], params, grid, cell_start, position, velocity, state, zone)
+        time = clock[TIME] + clock[STEP]
+        factor = signal_at(time, side.signal_begin, side.signal_count, signal_step, signals)
+        wanted_velocity = site_velocity[k] * real(factor)
+        background = wp.float64(phases[0].background)
+        if inside.valid == 0:
+            inside.pressure = background
+            inside.velocity = wanted_velocity
+        z = wp.float64(phases[0].impedance)
+        p = inside.pressure
+        u = wp.float64(inside.velocity[axis] * side.outward)
+        going = p + z * u
+        given = wp.float64(site_pressure[k]) * factor + background
+        coming = wp.float64(2.0) * given - going
+        per_given = wp.float64(2.0)
+        if side.gives_velocity == 1:
+            given = wp.float64(wanted_velocity[axis] * side.outward)
+            coming = going - wp.float64(2.0) * z * given
+            per_given = wp.float64(-2.0) * z
+        if side.relaxation > wp.float64(0.0):
+            if beginning == 1:
+                coming = p - z * u
+            else:
+                memory = site_memory[k]
+                held = memory[0] + per_given * (given - memory[1])
+                coming = held + (coming - held) * (wp.float64(1.0) - wp.exp(-side.relaxation * clock[STEP]))
+        site_memory[k] = wp.vec2d(coming, given)
+        face_pressure[k] = pair(real(wp.float64(0.5) * (going + coming)), real(inside.slope) * side.outward)
+        normal = real(wp.float64(0.5) * (going - coming) / z)
+        v = wanted_velocity
+        if side.gives_velocity == 0:
+            v = vec()  # what comes in across a side of given pressure comes in straight
+            if normal > real(0.0):
+                v = inside.velocity
+        v[axis] = normal * side.outward
+        face_stretch[k] = real(0.0)
+        if side.relaxation > wp.float64(0.0) and normal > real(0.0):
+            # a wave that leaves goes on beyond the side; rows that come in keep their spacing
+            face_stretch[k] = real(inside.stretch) * side.outward
+        face_velocity[k] = v
+
+    return face_state
+
+
+@functools.cache
+def make_site_at(spec: Spec) -> Any:
+    """Return the `wp.func` site_at(x, side, corner) -> (site, weight) of the linear interpolation between sites of a side.
+
+    corner: 0 to 3, of the cell of sites around the point. Half a spacing beyond the last site the line is continued.
+    """
+    real, vec, _, _ = types_of(spec)
+    OpenSide = make_open_side(spec.dimension, spec.precision)
+
+    @wp.func
+    def along(place: real, count: int, wraps: int, end: int):
+        before = int(wp.floor(place))
+        if wraps == 0:
+            before = wp.clamp(before, 0, wp.max(count - 2, 0))
+        share = wp.clamp(place - real(before), real(-0.5), real(1.5))
+        if count == 1:
+            share = real(0.0)
+        if end == 0:
+            share = real(1.0) - share
+        return (before + end + count) % count, share
+
+    @wp.func
+    def site_at(x: vec, side: OpenSide, corner: int):
+        a = (x[side.first_axis] - side.first_origin) / side.first_spacing
+        b = (x[side.second_axis] - side.second_origin) / side.second_spacing
+        m, first_share = along(a, side.first_count, side.first_wraps, corner & 1)
+        n, second_share = along(b, side.second_count, side.second_wraps, corner >> 1)
+        return side.first_site + n * side.first_count + m, first_share * second_share
+
+    return site_at
+
+
+@functools.cache
+def make_buffer(spec: Spec) -> Any:
+    """Return the kernel that gives the buffer particles the pressure and velocity that the sides continue outwards.
+
+    What comes in takes the volume of its cell, so that it has the density that goes with the pressure; what goes out keeps
+    its mass. All move at the velocity of the side: only what the fluid sees of them is continued beyond it.
+    """
+    real, vec, _, pair = types_of(spec)
+    Phase = make_phase(spec.precision)
+    OpenSide = make_open_side(spec.dimension, spec.precision)
+    beyond = make_outward(spec.dimension, spec.precision)
+    excess_of = make_excess(spec.precision)
+    site_at = make_site_at(spec)
+    axis = spec.open_axis
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def buffer_state(
+        first: int,
+        phases: wp.array(dtype=Phase),
+        open_sides: wp.array(dtype=OpenSide),
+        cell_volume: real,
+        site_open: wp.array(dtype=wp.uint8),
+        face_pressure: wp.array(dtype=pair),
+        face_velocity: wp.array(dtype=vec),
+        face_stretch: wp.array(dtype=real),
+        position: wp.array(dtype=vec),
+        zone: wp.array(dtype=wp.int8),
+        velocity: wp.array(dtype=vec),
+        density_excess: wp.array(dtype=real),
+        rest_volume: wp.array(dtype=real),
+        state: wp.array(dtype=pair),
+        row_speed: wp.array(dtype=real),
+    ):
+        i = wp.tid() + first
+        which = int(zone[i]) - BUFFER
+        if which < 0:
+            return
+        side = open_sides[which]
+        x = position[i]
+        total = real(0.0)
+        face = pair()
+        v = vec()
+        stretch = real(0.0)
+        for corner in range(4):
+            k, weight = site_at(x, side, corner)
+            if site_open[k] == wp.uint8(1):
+                total += weight
+                face += weight * face_pressure[k]
+                v += weight * face_velocity[k]
+                stretch += weight * face_stretch[k]
+        if wp.abs(total) > real(LEAST_WEIGHT):
+            face /= total
+            v /= total
+            stretch /= total
+        row_speed[i] = v[axis]
+        way = wp.min(beyond(x, side, axis), side.reach)  # further out no fluid sees it
+        v[axis] = v[axis] + stretch * way
+        p = face[0] + face[1] * way
+        s = excess_of(p - phases[0].background, phases[0].stiffness, phases[0].gamma)
+        if row_speed[i] * side.outward < real(0.0):
+            rest_volume[i] = cell_volume * (real(1.0) + s)
+        velocity[i] = v
+        density_excess[i] = s
+        state[i] = pair(p, rest_volume[i] / (real(1.0) + s))
+
+    return buffer_state
+
+
+@functools.cache
+def make_sponge(spec: Spec) -> Any:
+    """Return the kernel of the layers inside of open sides that draw the flow to what is given there (theory: riemann#open).
+
+        a -= s (c/L) (1 - x/L)^2 (v - v_given),  the density likewise where a pressure is given; x: distance to the side
+    """
+    real, vec, _, _ = types_of(spec)
+    Phase = make_phase(spec.precision)
+    OpenSide = make_open_side(spec.dimension, spec.precision)
+    beyond = make_outward(spec.dimension, spec.precision)
+    excess_of, site_at, signal_at = make_excess(spec.precision), make_site_at(spec), make_signal()
+    axis = spec.open_axis
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def sponge(
+        first: int,
+        clock: wp.array(dtype=wp.float64),
+        phases: wp.array(dtype=Phase),
+        open_sides: wp.array(dtype=OpenSide),
+        signals: wp.array(dtype=wp.float64),
+        signal_step: wp.float64,
+        site_pressure: wp.array(dtype=real),
+        sponge_velocity: wp.array(dtype=vec),
+        position: wp.array(dtype=vec),
+        velocity: wp.array(dtype=vec),
+        zone: wp.array(dtype=wp.int8),
+        density_excess: wp.array(dtype=real),
+        acceleration: wp.array(dtype=vec),
+    ):
+        i = wp.tid() + first
+        if int(zone[i]) != FLUID:
+            return
+        x = position[i]
+        for number in range(open_sides.shape[0]):
+            side = open_sides[number]
+            share = real(1.0) + beyond(x, side, axis) / wp.max(side.sponge_length, real(1.0e-30))
+            if side.sponge_length > real(0.0) and share > real(0.0):
+                rate = side.sponge_rate * share * share
+                time = clock[TIME] + clock[STEP]
+                factor = real(signal_at(time, side.signal_begin, side.signal_count, signal_step, signals))
+                wanted = vec()
+                p = real(0.0)
+                for corner in range(4):
+                    k, weight = site_at(x, side, corner)
+                    wanted += (weight * factor) * sponge_velocity[k]
+                    p += weight * factor * site_pressure[k]
+                if side.sponge_moves == 1:
+                    acceleration[i] = acceleration[i] - rate * (velocity[i] - wanted)
+                if side.gives_velocity == 0:
+                    s = excess_of(p, phases[0].stiffness, phases[0].gamma)
+                    density_excess[i] = density_excess[i] - rate * real(clock[STEP]) * (density_excess[i] - s)
+
+    return sponge

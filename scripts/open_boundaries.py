@@ -1,0 +1,118 @@
+"""Inlets and outlets measured: what comes back of a pulse, what a developed channel flow keeps, a uniform flow for long.
+
+    python scripts/open_boundaries.py pulse      # share of a pressure pulse that comes back, by rate of relaxation and width
+    python scripts/open_boundaries.py channel    # Poiseuille flow: errors by spacing, velocity or pressure given
+    python scripts/open_boundaries.py uniform    # a disturbed uniform flow for 100 lengths of the domain
+"""
+
+import argparse
+from typing import Any
+
+import numpy as np
+
+from warpsph.case.case import Case
+from warpsph.running.model import Model
+
+SOUND = 10.0
+
+
+def through(spacing: float, upper: list[float], inlet: dict[str, Any], outlet: dict[str, Any], **more: Any) -> Case:
+    """A case with an inlet at the lower and an outlet at the upper side of x."""
+    sides = {"lower": {"inlet": inlet}, "upper": {"outlet": outlet}}
+    data: dict[str, Any] = {
+        "dimension": 2,
+        "particle_spacing": spacing,
+        "end_time": 1000.0,
+        "domain": {"lower": [0, 0], "upper": upper, "boundary": {"x": sides, "y": "periodic"}},
+        "phases": {"water": {"density": 1.0, "sound_speed": SOUND}},
+        "fluids": [{"phase": "water", "shape": "rest"}],
+    }
+    return Case.from_dict(data).replace(more)
+
+
+def made(case: Case, threads: int) -> Model:
+    """A run, its list built."""
+    model = Model(case, threads=threads)
+    model.stepper.prepare(fresh=True)
+    return model
+
+
+def at(model: Model, time: float) -> Any:
+    """The fluid at a time [s]."""
+    model.stepper.run(time, 10**9)
+    if model.stepper.read()[1][3]:
+        raise SystemExit("the run diverged")
+    return model.snapshot().fluid
+
+
+def came_back(spacing: float, width: float, outlet: dict[str, Any], threads: int) -> float:
+    """Share of a pulse exp(-x^2/w^2) that comes back from the outlet: against the same in a domain that is longer by 8 m."""
+    height, length, mean = 0.5, 4.0, 0.5
+    found = []
+    for upper in (length, length + 8.0):
+        shape = f"exp(-((x - 2)/{width})**2)"
+        start = {"start.pressure": f"{height}*{shape}", "start.velocity": [f"{mean} + {height / SOUND}*{shape}", 0]}
+        case = through(spacing, [upper, 12 * spacing], {"velocity": [mean, 0], "waves": "leave"}, outlet, **start)
+        model, states = made(case, threads), []
+        for time in (0.3, 0.35, 0.4):
+            fluid = at(model, time)
+            inside = fluid.position[:, 0] < length
+            bins = (fluid.position[inside, 0] / 0.1).astype(int)
+            states.append(np.bincount(bins, fluid.pressure[inside], 41)[:40] / np.bincount(bins, minlength=41)[:40])
+        found.append(np.array(states))
+    return float(np.nanmax(np.abs(found[0] - found[1])) / height)
+
+
+def pulse(threads: int) -> None:
+    """Print the table of pulses."""
+    print("width/spacing  width/length  waves    relaxation  comes back  sqrt(pi) sigma w/L")
+    for spacing, width in ((0.1, 0.5), (0.05, 0.5), (0.025, 0.5), (0.05, 0.25), (0.025, 0.25)):
+        for waves, sigma in (("leave", 1e-9), ("leave", 0.1), ("leave", 0.25), ("leave", 1.0), ("reflect", 0.1)):
+            share = came_back(spacing, width, {"waves": waves, "relaxation": sigma}, threads)
+            expected = np.sqrt(np.pi) * sigma * width / 4.0 if waves == "leave" else 1.0
+            row = f"{width / spacing:13.0f}  {width / 4.0:12.3f}  {waves:7s}  {sigma:10.2g}  {share:10.4f}  {expected:.4f}"
+            print(row, flush=True)
+
+
+def channel(threads: int) -> None:
+    """Print the table of developed channel flows, Re = 20 and 100 of mean speed and height, from the exact flow on."""
+    parabola = "6*y*(1 - y)"
+    print("Re   given     spacings  l2 of u/peak  largest    flow in   mean pressure gradient over the exact one")
+    for reynolds in (20, 100):
+        drop = 12.0 / reynolds * 3.0
+        for given, inlet in (("velocity", {"velocity": [parabola, 0]}), ("pressure", {"pressure": drop})):
+            for cells in (10, 20, 40):
+                water = {"density": 1.0, "viscosity": 1.0 / reynolds, "gamma": 1, "sound_speed": 15.0}
+                more = {"domain.boundary.y": "wall", "start.velocity": [parabola, 0], "phases.water": water}
+                outlet = {"waves": "leave" if given == "velocity" else "reflect"}
+                case = through(1 / cells, [3.0, 1.0], inlet, outlet, **more)
+                model, rows = made(case, threads), []
+                for time in np.arange(6.0, 10.01, 0.5):
+                    fluid = at(model, time)
+                    x, y = fluid.position.T
+                    error = (fluid.velocity[:, 0] - 6 * y * (1 - y)) / 1.5
+                    slope = np.polyfit(x, fluid.pressure, 1)[0] / (-12.0 / reynolds)
+                    rows.append((np.sqrt((error**2).mean()), np.abs(error).max(), model.flow_rates()["flow x_lower"], slope))
+                mean = np.mean(rows, axis=0)
+                errors = f"{mean[0]:12.4f}  {mean[1]:8.4f}  {mean[2]:8.4f}  {mean[3]:8.4f}"
+                print(f"{reynolds:3d}  {given:8s}  {cells:8d}  {errors}", flush=True)
+
+
+def uniform(threads: int) -> None:
+    """Print what is left of a disturbance of a uniform flow, in units of U and rho U^2, for 100 lengths of the domain."""
+    start = {"start.velocity": ["1 + 0.1*sin(2*pi*y/0.8)", 0], "start.noise": 0.1}
+    model = made(through(0.1, [1.0, 0.8], {"velocity": [1, 0]}, {}, **start), threads)
+    count = model.fluid_count
+    for time in (0.5, 1.0, 2.0, 5.0, 20.0, 100.0):
+        fluid = at(model, time)
+        speed = np.abs(fluid.velocity - [1.0, 0.0]).max()
+        pressure = np.abs(fluid.pressure).max()
+        print(f"t U/L = {time:5.0f}: u {speed:.1e}, p {pressure:.1e}, particles {len(fluid)} of {count}", flush=True)
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("what", choices=["pulse", "channel", "uniform"])
+    parser.add_argument("--threads", type=int, default=1)
+    given = parser.parse_args()
+    {"pulse": pulse, "channel": channel, "uniform": uniform}[given.what](given.threads)

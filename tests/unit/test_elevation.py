@@ -1,0 +1,50 @@
+"""The gauge of the height of a free surface."""
+
+import numpy as np
+import pytest
+
+from tests.helpers import lattice
+from tests.scenes import LEAN, case_of
+from warpsph import CaseError
+from warpsph.measure.elevation import surface_height
+
+SPACING = 0.05
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+@pytest.mark.parametrize("place", [0.0, 0.02, 0.3])
+def test_height_of_a_flat_surface(dimension, place):
+    """At walls and away from them, within a hundredth of a spacing."""
+    counts = [20, 13] if dimension == 2 else [12, 12, 10]
+    x = lattice(counts, SPACING, centre=False)
+    walls = [(axis, 0.0) for axis in range(dimension)] + [(axis, counts[axis] * SPACING) for axis in range(dimension - 1)]
+    volume = np.full(len(x), SPACING**dimension)
+    found = surface_height(np.full(dimension - 1, place), x, volume, walls, SPACING)
+    assert found == pytest.approx(counts[-1] * SPACING, abs=0.01 * SPACING)
+
+
+def test_height_of_a_wave_and_of_spray():
+    """A lattice stretched to a wave; a particle far above it counts for nothing, and dry places have no height."""
+    dx = 1 / 60
+
+    def height(place):
+        return 1.0 + 0.05 * np.cos(np.pi * place)
+
+    x = lattice([120, 60], dx, centre=False)
+    volume = dx * dx * height(x[:, 0])
+    x[:, 1] *= height(x[:, 0])
+    x, volume = np.append(x, [[0.5, 1.4]], axis=0), np.append(volume, dx * dx)
+    walls = [(0, 0.0), (0, 2.0), (1, 0.0)]
+    for place in (0.0, 0.1, 0.5, 1.0, 2.0):
+        found = surface_height(np.array([place]), x, volume, walls, dx)
+        assert found == pytest.approx(height(place), abs=0.02 * dx)
+    assert np.isnan(surface_height(np.array([5.0]), x, volume, walls, dx))
+
+
+def test_the_gauge_in_a_case():
+    case = case_of(LEAN, gauges={"surface": {"type": "elevation", "places": [[0.0], [0.5]], "interval": 0.1}})
+    from warpsph.case.columns import column_names
+
+    assert column_names("surface", case.gauges["surface"], case) == ["time", "surface_1", "surface_2"]
+    with pytest.raises(CaseError, match="all axes but the last"):
+        case_of(LEAN, gauges={"surface": {"type": "elevation", "places": [[0.0, 0.5]], "interval": 0.1}})

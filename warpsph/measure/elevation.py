@@ -1,0 +1,85 @@
+"""Height of a free surface above places: where the smoothed volume of the fluid falls to a half.
+
+    c(x) = sum of V W(x - x_j)  over the fluid, and over its mirror images behind walls at sides of the domain
+
+is 1 inside of the fluid and 1/2 on a flat surface, which on a lattice is half a spacing above the first row. W is a Wendland
+C2 kernel with h = 2 particle spacings: wide enough that the rows of a lattice do not show, and that a particle of spray does
+not reach 1/2. Along the line through a place the height is that of the highest point where c = 1/2.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from warpsph.measure.gauge import Gauge, Needs
+from warpsph.snapshot import FLUID, Snapshot
+
+SMOOTHING = 2.0
+"""Smoothing length, in particle spacings; the kernel reaches twice as far."""
+
+NODES = 4
+"""Places a particle spacing at which c is evaluated; between them it is a straight line."""
+
+_NORM = {2: 7.0 / (4.0 * math.pi), 3: 21.0 / (16.0 * math.pi)}  # of (1 - q/2)^4 (1 + 2 q), times h^d
+
+
+def surface_height(
+    place: np.ndarray, position: np.ndarray, volume: np.ndarray, mirrors: list[tuple[int, float]], spacing: float
+) -> float:
+    """Height of the surface above a place, m; nan where there is no fluid.
+
+    place: (d - 1,) all coordinates but the last, m
+    position, volume: of the fluid, (n, d) and (n,), m and m^d
+    mirrors: walls at sides, as (axis, coordinate in m)
+    spacing: particle spacing, m
+    """
+    d, h = position.shape[1], SMOOTHING * spacing
+    reach = 2.0 * h
+    near = (np.abs(position[:, : d - 1] - place) < reach).all(axis=1)
+    x, v = position[near], volume[near]
+    for axis, side in mirrors:
+        if axis == d - 1 or abs(place[axis] - side) < reach:
+            close = np.abs(x[:, axis] - side) < 2.0 * reach
+            image = x[close].copy()
+            image[:, axis] = 2.0 * side - image[:, axis]
+            x, v = np.concatenate([x, image]), np.concatenate([v, v[close]])
+    if not len(x):
+        return math.nan
+    across2 = ((x[:, : d - 1] - place) ** 2).sum(axis=1)
+    inside = across2 < reach * reach
+    x, v, across2 = x[inside], v[inside], across2[inside]
+    step = spacing / NODES
+    top = float(x[:, -1].max()) if len(x) else math.nan
+    heights = top + reach - step * np.arange(math.ceil((top - float(x[:, -1].min()) + 2.0 * reach) / step) + 1)
+    c = np.zeros(len(heights))
+    for k, y in enumerate(heights):
+        q = np.sqrt(across2 + (x[:, -1] - y) ** 2) / h
+        c[k] = (v * np.maximum(1.0 - 0.5 * q, 0.0) ** 4 * (1.0 + 2.0 * q)).sum() * _NORM[d] / h**d
+        if c[k] >= 0.5:
+            return float(y + step * (c[k] - 0.5) / (c[k] - c[k - 1])) if k else float(y)
+    return math.nan
+
+
+class ElevationGauge(Gauge):
+    """Height of the free surface above given places: a column each."""
+
+    needs = Needs.of(fields=("position", "volume"))
+
+    def __init__(self, name: str, spec: Any, case: Any) -> None:
+        super().__init__(name, spec, case)
+        self.places = np.asarray(spec.places, np.float64).reshape(-1, self.dimension - 1)
+        self.mirrors = [
+            (axis, float(getattr(case.domain, end)[axis]))
+            for axis, sides in enumerate(case.sides)
+            for end in ("lower", "upper")
+            if getattr(sides, end).kind == "wall"
+        ]
+
+    def row(self, snapshot: Snapshot) -> list[float]:
+        fluid = snapshot.kind == FLUID
+        position, volume = snapshot.position[fluid], snapshot.volume[fluid]
+        spacing = self.case.particle_spacing
+        return [surface_height(place, position, volume, self.mirrors, spacing) for place in self.places]
