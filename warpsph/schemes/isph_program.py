@@ -13,6 +13,7 @@ from warpsph.kernels.core.drive import make_signals
 from warpsph.kernels.core.moving_bodies import make_move_bodies
 from warpsph.kernels.core.poses import NEXT
 from warpsph.kernels.core.spec import Spec
+from warpsph.kernels.core.surface_load import make_surface_load
 from warpsph.kernels.core.time_signals import depends_on_time
 from warpsph.kernels.core.wall import make_wall
 from warpsph.kernels.core.wall_fit import make_wall_fit, make_wall_rows, make_wall_values
@@ -29,7 +30,12 @@ FIRST_PASSES = 8  # each leaves a tenth of the error
 
 def program(spec: Spec) -> Program:
     """Return what runs for a `Spec`; the list is made in the middle of a step."""
-    return Program(step=step(spec), start=start(spec), advance=advance(spec), first=first(spec), keeps_list=False)
+    measures: dict[str, list[Node]] = {}
+    if spec.bodies:
+        measures["wall_load"] = [Stage("surface_load", make_surface_load(spec), "wall", "wall-force gauge")]
+    return Program(
+        step=step(spec), start=start(spec), advance=advance(spec), first=first(spec), measures=measures, keeps_list=False
+    )
 
 
 def step(spec: Spec) -> list[Node]:
