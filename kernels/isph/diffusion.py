@@ -93,6 +93,7 @@ def make_diffusion(spec: Spec) -> tuple[Any, Any, Any]:
         position: wp.array(dtype=vec),
         rest_volume: wp.array(dtype=real),
         slip: wp.array(dtype=wp.uint8),
+        boundary_volume: wp.array(dtype=real),
         matrix_columns: Columns,
         matrix_values: Values,
         matrix_counts: wp.array(dtype=wp.int16),
@@ -149,7 +150,10 @@ def make_diffusion(spec: Spec) -> tuple[Any, Any, Any]:
                 if slip[j - wall_first] == wp.uint8(0):
                     d = apart(xi, position[j], 0, wrapped, params, sides)
                     r2 = wp.dot(d, d)
-                    f = slope(wp.sqrt(r2) * params.inv_h) * params.wall_volume
+                    wall_volume = params.wall_volume
+                    if wp.static(spec.bodies):
+                        wall_volume = boundary_volume[j - wall_first]
+                    f = slope(wp.sqrt(r2) * params.inv_h) * wall_volume
                     term = viscous_term(along, d, r2 + params.tiny, params.inv_h)
                     diagonal += real(2.0) * weight * f * term[component]
         matrix_counts[i] = wp.int16(count)

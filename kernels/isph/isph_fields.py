@@ -1,6 +1,6 @@
 """The particle fields of projection ISPH, beside those that every scheme of fluid flow has."""
 
-from warpsph.kernels.core.fields import COMMON, FLOW, Field, always
+from warpsph.kernels.core.fields import COMMON, FLOW, Field, always, bodies
 
 ISPH_FIELDS: tuple[Field, ...] = (
     *COMMON,
@@ -19,6 +19,10 @@ ISPH_FIELDS: tuple[Field, ...] = (
     Field("exposed", "uint8", "fluid", False, always, "-", "surface before fragments are counted to it"),
     Field("surface", "uint8", "fluid", False, always, "-", "0 inside, 1 at the free surface, 2 isolated", True),
     Field("surface_normal", "vec", "fluid", False, always, "-", "outward normal; of use at the surface alone", True),
+    Field("beside", "vec", "fluid", True, bodies, "-", "normal of the nearest wall particle of the last step; 0: none"),
+    Field("wall_gap", "real", "fluid", True, bodies, "m", "distance from the surface of that wall"),
+    Field("wall_pace", "real", "fluid", True, bodies, "m/s", "its velocity along the normal"),
+    Field("velocity_ahead", "vec", "all", False, bodies, "m/s", "velocity extrapolated to the end of the step"),
     Field("unknown", "real", "fluid", False, always, "Pa", "solution of the pressure equation"),
     Field("source", "real", "fluid", False, always, "1/s^2", "its right-hand side"),
 )

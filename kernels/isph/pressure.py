@@ -18,6 +18,7 @@ from .surface import INSIDE
 
 UNSURE = 0.01  # excess E that disorder alone can make: its standard deviation is 0.0037 on shifted particles
 TOUCH = 0.75  # distance from a wall particle at which a particle of the surface stops, in spacings; a resting row has 1
+VISCOUS_RATE = 1.0  # of nu/h^2, the rate at which friction takes what is as short as a smoothing length
 TENSION = 0.5  # largest, over rho u_max^2
 
 
@@ -66,9 +67,13 @@ def make_assemble(spec: Spec) -> Any:
         surface: wp.array(dtype=wp.uint8),
         position: wp.array(dtype=vec),
         velocity: wp.array(dtype=vec),
+        velocity_ahead: wp.array(dtype=vec),
         wall_acceleration: wp.array(dtype=vec),
         velocity_star: wp.array(dtype=vec),
         rest_volume: wp.array(dtype=real),
+        boundary_volume: wp.array(dtype=real),
+        wall_normal: wp.array(dtype=vec),
+        mirror_velocity: wp.array(dtype=vec),
         pressure: wp.array(dtype=real),
         lasting_gradient: wp.array(dtype=vec),
         dilation: wp.array(dtype=real),
@@ -105,6 +110,14 @@ def make_assemble(spec: Spec) -> Any:
         beta = weights[2] * clock[STEP]
         # what gravity adds to u*: the pressure of images and walls balances it, so that it is not mirrored
         falling = gravity_of(params, forcing, GRAVITY_NEXT) * real(beta)
+        if wp.static(spec.bodies):
+            # the share of the last pressure that stays, of its gradient in u* and of its Laplacian in the equation
+            number = real(VISCOUS_RATE) * real(beta) * phases[0].viscosity / (rho * params.h * params.h)
+            kept = number / (real(1.0) + number)
+            new = real(1.0) - kept
+            falling = falling * new
+            push = kept * real(beta) / rho
+            vi = vi - push * lasting_gradient[i]
         crowd = rest_volume[i]
         full = bool(True)
         flow = mat()
@@ -134,11 +147,17 @@ def make_assemble(spec: Spec) -> Any:
             crowd += core * core * rest_volume[j]
             w = weight * f
             vj = velocity_star[j]
+            if wp.static(spec.bodies):
+                vj = vj - push * lasting_gradient[j]
+                right += (kept * w) * (pressure[i] - pressure[j])
             if wp.static(spec.mirror):
                 if code != 0:
                     vj = image_velocity(vj - falling, code, sides) + falling
                     if wp.static(spec.gravity):
-                        right += w * rho * wp.dot(gravity_of(params, forcing, GRAVITY_NEXT), lift(xj, code, sides))
+                        if wp.static(spec.bodies):
+                            right += new * w * rho * wp.dot(gravity_of(params, forcing, GRAVITY_NEXT), lift(xj, code, sides))
+                        else:
+                            right += w * rho * wp.dot(gravity_of(params, forcing, GRAVITY_NEXT), lift(xj, code, sides))
             flow += wp.outer(vj - vi, f * d)
             uneven += w * d
             known = bool(False)
@@ -157,12 +176,26 @@ def make_assemble(spec: Spec) -> Any:
                 entry += row_step
                 count += 1
         if wp.static(spec.walls):
+            if wp.static(spec.bodies):
+                wall_first = particle_count - boundary_volume.shape[0]
+                lasting = lasting_gradient[i]
+                shared = kept + new * deferred
+                ahead = velocity_ahead[i]
+                added = (velocity_star[i] - ahead) * (rho / real(beta))
             full = full and wall_neighbours[i] == wp.int16(0)
             end += int(wall_neighbours[i]) * step
             while k < end:
                 j = neighbour(neighbours, i, k)
                 k += step
                 d = apart(xi, position[j], 0, wrapped, params, sides)
+                if wp.static(spec.bodies):
+                    b = j - wall_first
+                    n = wall_normal[b]
+                    f = slope(wp.sqrt(wp.dot(d, d)) * params.inv_h) * boundary_volume[b]
+                    # the velocity continued; what the step adds to it is that of this particle, reversed across the wall
+                    flow += wp.outer(mirror_velocity[b] - ahead, f * d)
+                    right += weight * f * wp.dot(shared * lasting - added, n) * wp.dot(d, n)
+                    continue
                 f = slope(wp.sqrt(wp.dot(d, d)) * params.inv_h) * params.wall_volume
                 w = weight * f
                 # an image of this particle: velocity mirrored at that of the wall, pressure in balance with the weight
@@ -184,15 +217,22 @@ def make_assemble(spec: Spec) -> Any:
             wanted = params.feedback * real(clock[SPEED]) * params.inv_h * excess
         if relaxed == 1:
             # BDF2 of dD/dt = -(D - wanted)/tau, the right side extrapolated: stable up to dt = tau
-            rate = wp.min(wp.float64(2.0) * clock[SPEED] / wp.float64(params.h), wp.float64(1.0) / clock[STEP])
-            now = wp.float64(dilation[i])
-            old = wp.float64(dilation_old[i])
-            left = now + weights[3] * (now - old) - wp.float64(wanted)
-            divergence -= real(weights[0] * now - weights[1] * old - beta * rate * left)
+            rate = wp.float64(2.0) * clock[SPEED] / wp.float64(params.h)
+            if wp.static(spec.bodies):
+                # what friction makes of it
+                rate += wp.float64(VISCOUS_RATE * phases[0].viscosity / (rho * params.h * params.h))
+            rate = wp.min(rate, wp.float64(1.0) / clock[STEP])
+            left_now = wp.float64(dilation[i])
+            left_old = wp.float64(dilation_old[i])
+            left = left_now + weights[3] * (left_now - left_old) - wp.float64(wanted)
+            divergence -= real(weights[0] * left_now - weights[1] * left_old - beta * rate * left)
         else:
             divergence -= wanted
         right -= share * (spread[i] / real(dimension)) * divergence / real(beta)
-        right += deferred * wp.dot(lasting_gradient[i], uneven)
+        if wp.static(spec.bodies):
+            right += new * deferred * wp.dot(lasting_gradient[i], uneven)
+        else:
+            right += deferred * wp.dot(lasting_gradient[i], uneven)
         matrix_counts[i] = wp.int16(count)
         matrix_diagonal[i] = diagonal + coupling
         matrix_moment[i] = moment
@@ -253,7 +293,7 @@ def make_correct(spec: Spec) -> Any:
     images = make_images(spec)
     apart, lift = images.apart, images.lift
     list_begin, list_step, neighbour, Listed = list_access(spec)
-    gravity_of, _ = make_forcing(spec)
+    gravity_of, body_force_of = make_forcing(spec)
     time_weights = make_weights(spec.second_order)
     periodic = any(spec.periodic)
     image_bit = code_shift(spec.dimension)
@@ -279,7 +319,11 @@ def make_correct(spec: Spec) -> Any:
         rest_volume: wp.array(dtype=real),
         pressure: wp.array(dtype=real),
         correction: wp.array(dtype=mat),
+        boundary_volume: wp.array(dtype=real),
+        wall_normal: wp.array(dtype=vec),
+        wall_depth: wp.array(dtype=real),
         surface: wp.array(dtype=wp.uint8),
+        velocity_ahead: wp.array(dtype=vec),
         velocity_star: wp.array(dtype=vec),
         velocity: wp.array(dtype=vec),
         wall_acceleration: wp.array(dtype=vec),
@@ -287,6 +331,9 @@ def make_correct(spec: Spec) -> Any:
         pressure_gradient: wp.array(dtype=vec),
         lasting_gradient: wp.array(dtype=vec),
         acceleration: wp.array(dtype=vec),
+        beside: wp.array(dtype=vec),
+        wall_gap: wp.array(dtype=real),
+        wall_pace: wp.array(dtype=real),
         maxima: wp.array(dtype=real),
     ):
         i = wp.tid() + first
@@ -319,6 +366,18 @@ def make_correct(spec: Spec) -> Any:
                     p_j += rho * wp.dot(gravity_of(params, forcing, GRAVITY_NEXT), lift(xj, code, sides))
             f = slope(wp.sqrt(wp.dot(d, d)) * params.inv_h) * rest_volume[j]
             total += (f * (p_j + sign * p_i)) * d
+        shut = mat()
+        push = vec()
+        added = vec()
+        if wp.static(spec.bodies):
+            # what the pressure has to balance: at the start, when no step has been made, the forces
+            added = (gravity_of(params, forcing, GRAVITY_NEXT) + body_force_of(params, forcing)) * rho
+            weights = time_weights(clock)
+            reach = real(weights[2] * clock[STEP])
+            if reach > real(0.0):
+                added = (velocity_star[i] - velocity_ahead[i]) * (rho / reach)
+            nearest_wall = real(1.0e30)
+            beside[i] = vec()
         nearest = real(TOUCH) * params.spacing  # distance of the nearest wall particle
         off_wall = vec()
         wall_speed = vec()
@@ -329,6 +388,19 @@ def make_correct(spec: Spec) -> Any:
                 k += step
                 d = apart(xi, position[j], 0, wrapped, params, sides)
                 r = wp.length(d)
+                if wp.static(spec.bodies):
+                    b = j - (particle_count - boundary_volume.shape[0])
+                    n = wall_normal[b]
+                    if r < nearest_wall:
+                        nearest_wall = r
+                        beside[i] = n
+                        wall_gap[i] = wp.dot(n, d) - wall_depth[b]
+                        wall_pace[i] = wp.dot(n, velocity[j])
+                    fd = (slope(r * params.inv_h) * boundary_volume[b] * params.g_norm) * d
+                    # along the wall as the fluid has it, across it what stops the velocity
+                    shut += wp.outer(fd, d - n * wp.dot(n, d))
+                    push -= fd * (wp.dot(n, d) * wp.dot(n, added))
+                    continue
                 if r < nearest and r > real(0.0):
                     nearest = r
                     off_wall = d / r
@@ -343,7 +415,13 @@ def make_correct(spec: Spec) -> Any:
                 total += (f * (p_j + sign * p_i)) * d
         gradient = total * params.g_norm
         if wp.static(spec.corrected):
-            gradient = correction[i] * gradient
+            if wp.static(spec.bodies):
+                if wall_neighbours[i] > wp.int16(0):
+                    gradient = wp.inverse(wp.inverse(correction[i]) + shut) * (gradient + push)
+                else:
+                    gradient = correction[i] * gradient
+            else:
+                gradient = correction[i] * gradient
         if advancing == 0:
             pressure_gradient[i] = gradient
             lasting_gradient[i] = gradient
@@ -357,7 +435,7 @@ def make_correct(spec: Spec) -> Any:
         pressure_gradient[i] = gradient
         old = velocity[i]
         new = velocity_star[i] - gradient * (real(time_weights(clock)[2] * clock[STEP]) / rho)
-        if wp.static(spec.walls and spec.free_surface):
+        if wp.static(spec.walls and spec.free_surface and not spec.bodies):
             # a particle of the surface has no pressure that would keep it off a body
             if surface[i] != wp.uint8(INSIDE):
                 new -= off_wall * wp.min(wp.dot(new - wall_speed, off_wall), real(0.0))

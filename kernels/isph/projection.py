@@ -72,6 +72,9 @@ def make_advect(spec: Spec) -> Any:
         anchor: wp.array(dtype=vec),
         velocity: wp.array(dtype=vec),
         velocity_old: wp.array(dtype=vec),
+        beside: wp.array(dtype=vec),
+        wall_gap: wp.array(dtype=real),
+        wall_pace: wp.array(dtype=real),
         offset: wp.array(dtype=vec),
         position: wp.array(dtype=vec),
     ):
@@ -85,6 +88,16 @@ def make_advect(spec: Spec) -> Any:
             change = carried[i]
             v += change
             old += change
+        if wp.static(spec.bodies):
+            # as at the sides below, with the wall as the last step has left it
+            n = beside[i]
+            if wp.dot(n, n) > real(0.0):
+                left = wall_gap[i] + wp.dot(way - offset[i], n) - wall_pace[i] * real(clock[STEP])
+                need = real(CLOSEST) * params.spacing - left
+                if need > real(0.0):
+                    way += need * n
+                    v += n * wp.max(wall_pace[i] - wp.dot(v, n), real(0.0))
+                    old += n * wp.max(wall_pace[i] - wp.dot(old, n), real(0.0))
         x = anchor[i] + way
         if wp.static(spec.mirror):
             # Pressure keeps the fluid off a wall, but a particle of the surface has none: it ends at the wall like a drop.
@@ -101,7 +114,7 @@ def make_advect(spec: Spec) -> Any:
                     v[axis] = wp.min(v[axis], real(0.0))
                     old[axis] = wp.min(old[axis], real(0.0))
             x = anchor[i] + way
-        if wp.static(spec.shifting or spec.mirror):
+        if wp.static(spec.shifting or spec.mirror or spec.bodies):
             velocity[i] = v
             velocity_old[i] = old
         offset[i] = way
@@ -157,6 +170,7 @@ def make_predict(spec: Spec) -> Any:
         rest_volume: wp.array(dtype=real),
         mirror_velocity: wp.array(dtype=vec),
         slip: wp.array(dtype=wp.uint8),
+        boundary_volume: wp.array(dtype=real),
         correction: wp.array(dtype=mat),
         crowding: wp.array(dtype=vec),
         spread: wp.array(dtype=real),
@@ -229,7 +243,10 @@ def make_predict(spec: Spec) -> Any:
                 k += step
                 d = apart(xi, position[j], 0, wrapped, params, sides)
                 r2 = wp.dot(d, d)
-                f = slope(wp.sqrt(r2) * params.inv_h) * params.wall_volume
+                wall_volume = params.wall_volume
+                if wp.static(spec.bodies):
+                    wall_volume = boundary_volume[j - (particle_count - boundary_volume.shape[0])]
+                f = slope(wp.sqrt(r2) * params.inv_h) * wall_volume
                 fd = f * d
                 moment -= wp.outer(d, fd)
                 even += fd

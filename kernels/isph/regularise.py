@@ -64,6 +64,8 @@ def make_regularise(spec: Spec) -> Any:
         rest_volume: wp.array(dtype=real),
         correction: wp.array(dtype=mat),
         crowding: wp.array(dtype=vec),
+        boundary_volume: wp.array(dtype=real),
+        mirror_velocity: wp.array(dtype=vec),
         dilation: wp.array(dtype=real),
         dilation_old: wp.array(dtype=real),
         shift: wp.array(dtype=vec),
@@ -126,8 +128,13 @@ def make_regularise(spec: Spec) -> Any:
                 j = neighbour(neighbours, i, k)
                 k += step
                 d = apart(xi, position[j], 0, wrapped, params, sides)
-                f = slope(wp.sqrt(wp.dot(d, d)) * params.inv_h) * params.wall_volume
-                flow += wp.outer(real(2.0) * (velocity[j] - vi), f * d)
+                if wp.static(spec.bodies):
+                    b = j - (particle_count - boundary_volume.shape[0])
+                    f = slope(wp.sqrt(wp.dot(d, d)) * params.inv_h) * boundary_volume[b]
+                    flow += wp.outer(mirror_velocity[b] - vi, f * d)
+                else:
+                    f = slope(wp.sqrt(wp.dot(d, d)) * params.inv_h) * params.wall_volume
+                    flow += wp.outer(real(2.0) * (velocity[j] - vi), f * d)
         shear = (flow * correction[i]) * params.g_norm
         # a lone particle must not bring a divergence of any size into the next step
         most = real(clock[SPEED]) * params.inv_h

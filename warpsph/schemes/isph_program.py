@@ -13,8 +13,11 @@ from warpsph.kernels.core.drive import make_signals
 from warpsph.kernels.core.moving_bodies import make_move_bodies
 from warpsph.kernels.core.poses import NEXT
 from warpsph.kernels.core.spec import Spec
+from warpsph.kernels.core.surface_load import make_surface_load
 from warpsph.kernels.core.time_signals import depends_on_time
 from warpsph.kernels.core.wall import make_wall
+from warpsph.kernels.core.wall_fit import make_wall_fit, make_wall_rows, make_wall_values
+from warpsph.kernels.isph.body_flow import make_look_ahead
 from warpsph.kernels.isph.diffusion import make_diffusion
 from warpsph.kernels.isph.pressure import make_accept, make_assemble, make_correct
 from warpsph.kernels.isph.projection import make_advect, make_predict, make_settle
@@ -27,7 +30,12 @@ FIRST_PASSES = 8  # each leaves a tenth of the error
 
 def program(spec: Spec) -> Program:
     """Return what runs for a `Spec`; the list is made in the middle of a step."""
-    return Program(step=step(spec), start=start(spec), advance=advance(spec), first=first(spec), keeps_list=False)
+    measures: dict[str, list[Node]] = {}
+    if spec.bodies:
+        measures["wall_load"] = [Stage("surface_load", make_surface_load(spec), "wall", "wall-force gauge")]
+    return Program(
+        step=step(spec), start=start(spec), advance=advance(spec), first=first(spec), measures=measures, keeps_list=False
+    )
 
 
 def step(spec: Spec) -> list[Node]:
@@ -52,7 +60,7 @@ def first(spec: Spec) -> list[Node]:
 
 def start(spec: Spec) -> list[Node]:
     """Return the nodes that find the gradient of the start pressure, which the surface stage would overwrite."""
-    seen = [stage for stage in look(spec) if stage.name in ("wall_state", "predict")]
+    seen = [stage for stage in look(spec) if stage.name not in ("surface", "fragments")]
     return [*signals(spec), *bodies(spec), BuildList("the first list"), *seen, _gradient(spec)[-1]]
 
 
@@ -107,7 +115,13 @@ def bodies(spec: Spec) -> list[Stage]:
 def look(spec: Spec) -> list[Stage]:
     """Return the stages that look at the new arrangement."""
     stages = []
-    if spec.wall_no_slip and spec.walls:
+    if spec.bodies:
+        stages.append(Stage("wall_rows", make_wall_rows(), "wall", "where the list build has put each wall particle"))
+        ahead, reason = make_look_ahead(spec), "velocity at the end of the step, which bodies see"
+        stages.append(Stage("look_ahead", ahead, "fluid", reason, values={"behind": 0}))
+        stages.append(Stage("look_ahead", ahead, "wall", reason, values={"behind": 1}))
+        stages += continued(spec, "velocity_ahead")
+    elif spec.wall_no_slip and spec.walls:
         stages.append(Stage("wall_state", make_wall(spec), "wall", "mirrored velocity of the bodies"))
     stages.append(Stage("predict", make_predict(spec), "fluid", "velocity without pressure; correction of the gradient"))
     if spec.free_surface:
@@ -115,6 +129,17 @@ def look(spec: Spec) -> list[Stage]:
         stages.append(Stage("surface", find, "fluid", "particles at the free surface, where p = 0"))
         stages.append(Stage("fragments", drop, "fluid", "splashes of a few particles have no inside"))
     return stages
+
+
+def continued(spec: Spec, field: str) -> list[Stage]:
+    """Return the stages that continue pressure and a velocity field of the fluid into bodies; none without them."""
+    if not spec.bodies:
+        return []
+    fields = {"velocity": field}
+    return [
+        Stage("wall_fit", make_wall_fit(spec), "wall", "linear fit of the flow before the bodies", fields=fields),
+        Stage("wall_values", make_wall_values(spec), "wall", "the flow continued into the bodies", fields=fields),
+    ]
 
 
 def diffuse(spec: Spec) -> list[Stage]:
@@ -141,6 +166,7 @@ def finish(spec: Spec) -> list[Stage]:
     """Return the stages after the solver."""
     stages = [
         *take(spec),
+        *continued(spec, "velocity"),
         Stage("regularise", make_regularise(spec), "fluid", "divergence left over, shift of the particles"),
     ]
     if not spec.second_order:

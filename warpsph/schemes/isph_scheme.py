@@ -49,8 +49,8 @@ class IsphScheme(Scheme):
             remedy = f"write at least {least:g}" + (", or precision: float64" if case.precision == "float32" else "")
             yield Problem("numerics.tolerance", case.numerics.tolerance, f"is out of reach in {case.precision}", remedy)
         for name, gauge in case.gauges.items():
-            if gauge.type == "wall_force":
-                rule = "needs wall particles, which scheme: isph has at bodies alone, and their pressure"
+            if gauge.type == "wall_force" and not case.bodies:
+                rule = "needs wall particles, which scheme: isph has at bodies alone"
                 yield Problem(f"gauges.{name}.type", gauge.type, rule, "use a gauge of type points at the wall")
 
     def derive(self, case: Any, geometry: Geometry, row_list: bool) -> Physics:
