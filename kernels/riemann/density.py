@@ -123,8 +123,7 @@ def make_continuity(spec: Spec) -> Any:
             wrapped = (flag & WRAPPED) != 0
             near = (flag & NEAR) != 0
         inv_z = own.mobility  # a quotient here would be pushed into the pair loop by the compiler
-        hardened = real(1.0)
-        softened = real(1.0)
+        hardened, softened = real(1.0), real(1.0)
         if wp.static(spec.dissipation and spec.multiphase):
             # A gas that is pressed is stiffer by (1+s)^gamma, and its impedance rho c is larger by the power (gamma+1)/2:
             # with the impedance at rest the pressures of neighbours would overshoot each other. A few per cent do not count.
