@@ -27,6 +27,10 @@ _PARTS = {1: 64, 2: 16, 3: 5}
 """Points along each axis of a cell at which it is asked whether it is free, by dimension."""
 
 
+_FAR = 1.5
+"""Spacings from a particle beyond which room beside a body is not its own but empty, as around a body in the air."""
+
+
 def nearest_body(distances: Sequence[Distance], points: NDArray[np.float64]) -> NDArray[np.float64]:
     """Distance (n,) of points (n, d) from the nearest of several bodies, m."""
     nearest = np.full(len(points), np.inf)
@@ -74,7 +78,8 @@ def cut_places(
     for offset in itertools.product(*[(np.arange(parts) + 0.5) / parts - 0.5] * d):
         points = near + np.array(offset) * spacing
         points = points[nearest_body(distances, points) > 0.0]
-        _, owner = tree.query(wrapped(points))
+        _, owner = tree.query(wrapped(points), distance_upper_bound=_FAR * float(spacing.max()))
+        points, owner = points[owner < len(sites)], owner[owner < len(sites)]
         off = points - sites[owner]
         off -= np.where(periodic, np.round(off / extent) * extent, 0.0)
         volume += np.bincount(owner, minlength=len(volume)) / parts**d
