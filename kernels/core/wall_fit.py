@@ -52,8 +52,11 @@ def make_wall_rows() -> Any:
 
 
 @functools.cache
-def make_wall_fit(spec: Spec) -> Any:
-    """Return the kernel over wall particles that fits pressure and velocity of the fluid before the first layer."""
+def make_wall_fit(spec: Spec, bent: bool = True) -> Any:
+    """Return the kernel over wall particles that fits pressure and velocity of the fluid before the first layer.
+
+    bent: with the quadratic terms of the velocity; else q = c = 0.
+    """
     real, vec, mat, pair = types_of(spec)
     Params = make_params(spec.dimension, spec.precision)
     Phase = make_phase(spec.precision)
@@ -187,7 +190,10 @@ def make_wall_fit(spec: Spec) -> Any:
                 gradient = inverse * (slope_p * inv_weight - p * mean)
             p = p - wp.dot(gradient, mean)
             free = (shear - wp.outer(flow, mean)) * inverse  # of a fit that does not know the wall
-            if whole:
+            if whole and wp.static(not bent):
+                shear = shear * wp.inverse(square)
+                bend = vec()
+            elif whole:
                 inverse = wp.inverse(square)
                 bend -= shear * (inverse * line_y)
                 bow -= shear * (inverse * line_s)

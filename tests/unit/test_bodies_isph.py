@@ -100,8 +100,8 @@ def test_flow_between_cylinders() -> None:
     assert np.abs((v * x).sum(axis=1) / r).max() < 0.01 * turn * inner
     forces = model.wall_forces()
     torque = -4.0 * math.pi * turn * inner**2 * outer**2 / (outer**2 - inner**2)
-    assert forces["wall_torque_z inner"] / torque == pytest.approx(1.0, abs=0.01)
-    assert forces["wall_torque_z outer"] / torque == pytest.approx(-1.0, abs=0.01)
+    assert forces["wall_torque_z inner"] / torque == pytest.approx(1.0, abs=0.03)
+    assert forces["wall_torque_z outer"] / torque == pytest.approx(-1.0, abs=0.03)
 
 
 TANK = {

@@ -32,7 +32,10 @@ def program(spec: Spec) -> Program:
     """Return what runs for a `Spec`; the list is made in the middle of a step."""
     measures: dict[str, list[Node]] = {}
     if spec.bodies:
-        measures["wall_load"] = [Stage("surface_load", make_surface_load(spec), "wall", "wall-force gauge")]
+        measures["wall_load"] = [
+            Stage("wall_fit", make_wall_fit(spec), "wall", "wall-force gauge: quadratic fit of the velocity"),
+            Stage("surface_load", make_surface_load(spec), "wall", "wall-force gauge"),
+        ]
     return Program(
         step=step(spec), start=start(spec), advance=advance(spec), first=first(spec), measures=measures, keeps_list=False
     )
@@ -137,7 +140,7 @@ def continued(spec: Spec, field: str) -> list[Stage]:
         return []
     fields = {"velocity": field}
     return [
-        Stage("wall_fit", make_wall_fit(spec), "wall", "linear fit of the flow before the bodies", fields=fields),
+        Stage("wall_fit", make_wall_fit(spec, False), "wall", "linear fit of the flow before the bodies", fields=fields),
         Stage("wall_values", make_wall_values(spec), "wall", "the flow continued into the bodies", fields=fields),
     ]
 

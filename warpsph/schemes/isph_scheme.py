@@ -35,6 +35,7 @@ class IsphScheme(Scheme):
     mirrors_sides = True
     skin = 0.001  # the list is made anew in every step
     shifts = True
+    work = frozenset({"load", "friction"})
 
     def check(self, case: Any) -> Iterator[Problem]:
         """Yield what the scheme cannot do: several phases, surface tension, forces on walls, a tolerance out of reach."""
