@@ -13,6 +13,7 @@ from warpsph.engine.neighbours import NeighbourList, default_width
 from warpsph.engine.population import Population
 from warpsph.engine.stepper import Stepper
 from warpsph.kernels.core import clock as ck
+from warpsph.kernels.core import time_signals
 from warpsph.kernels.core.params import make_params, make_phase
 from warpsph.kernels.core.smoothing import KERNELS, window_integral
 from warpsph.kernels.core.spec import Spec, types_of
@@ -268,7 +269,8 @@ class Bench(Setup):
         self.clock_array = wp.array(self.clock, dtype=wp.float64, device=device)
         self.counters_array = wp.array(self.counters, dtype=int, device=device)
         self.launcher = Launcher(device, 1)
-        self.bindings = Bindings(device, self.values, self.particles.declared | registry.find(spec.scheme).work)
+        declared = self.particles.declared | registry.find(spec.scheme).work | time_signals.ARRAYS
+        self.bindings = Bindings(device, self.values, declared)
         self.bindings.update(self.particles.arrays)
         self.bindings.update(
             clock=self.clock_array,

@@ -1,7 +1,8 @@
 """Particles that are where no fluid can be: beyond a wall of the domain or inside a body.
 
-Inside a body is who is nearer than INSIDE spacings to the centre of one of its cells: the corners of its staircase are none
-of its surface, and what slides round one may graze it.
+Inside a body is who is deeper than SUNK spacings behind the surface of all boundary particles that are about as near as the
+nearest: at an edge some of them have the surface of the other face before them. A row at rest stands half a spacing before
+the surface.
 
 Beyond a wall is who is in the layers of its particles; where a side is open, fluid may come to lie beyond that over the rim.
 They are counted whenever the neighbour list is built: nothing gets through a wall without a way that asks for a new list.
@@ -13,19 +14,22 @@ from typing import Any
 
 import warp as wp
 
+from .clock import LIVE
 from .mirror import NO_WALL, make_sides
+from .pair import list_access, separation_of
+from .params import make_params
 from .spec import Spec, types_of
 
 LAST, LARGEST = 0, 1
-INSIDE = 0.4  # a flat face of a cell is half a spacing from its centre
+SUNK = 0.5  # depth behind the surface, in spacings: as far as a row at rest stands before it
+ABOUT = 0.5  # farther than the nearest boundary particle, in spacings
 
 
 @functools.cache
 def make_leaks(spec: Spec) -> tuple[Any, Any]:
     """Return the kernels (count_leaks over the fluid, close_leaks on one thread).
 
-    `leaks_found` has one counter per thread and phase, `leak_counts` two per phase, see above; `solid_cells` one entry per
-    lattice cell of the domain, 1 inside a body, the last axis fastest; none if there is no body.
+    `leaks_found` has one counter per thread and phase, `leak_counts` two per phase, see above.
     """
     real, vec, _, _ = types_of(spec)
     Sides = make_sides(spec.dimension, spec.precision)
@@ -39,8 +43,6 @@ def make_leaks(spec: Spec) -> tuple[Any, Any]:
         phase_count: int,
         sides: Sides,
         wall_thickness: real,
-        solid_shape: wp.vec3i,
-        solid_cells: wp.array(dtype=wp.uint8),
         phase: wp.array(dtype=wp.int8),
         place: wp.array(dtype=vec),
         alive: wp.array(dtype=wp.uint8),
@@ -50,8 +52,6 @@ def make_leaks(spec: Spec) -> tuple[Any, Any]:
         x = place[i]
         outside = bool(False)
         gone = bool(False)
-        cell = int(0)
-        from_centre = real(0.0)
         for axis in range(wp.static(dimension)):
             below, above = sides.lower[axis] - x[axis], x[axis] - sides.upper[axis]
             wraps = (axis == 0 and px) or (axis == 1 and py) or (axis == 2 and pz)
@@ -65,14 +65,6 @@ def make_leaks(spec: Spec) -> tuple[Any, Any]:
                     outside = True
                 else:
                     gone = gone or not wraps
-            share = (x[axis] - sides.lower[axis]) / (sides.upper[axis] - sides.lower[axis])
-            cells = share * real(solid_shape[axis])
-            index = wp.clamp(int(wp.floor(cells)), 0, solid_shape[axis] - 1)
-            cell = cell * solid_shape[axis] + index
-            off = cells - real(index) - real(0.5)
-            from_centre += off * off
-        if solid_cells.shape[0] > 0:
-            outside = outside or (solid_cells[cell] != wp.uint8(0) and from_centre < real(INSIDE * INSIDE))
         if wp.static(spec.changing):
             gone = gone or alive[i] == wp.uint8(0)
         if outside and not gone:
@@ -94,3 +86,66 @@ def make_leaks(spec: Spec) -> tuple[Any, Any]:
             leak_counts[2 * own + LARGEST] = wp.max(leak_counts[2 * own + LARGEST], found)
 
     return count_leaks, close_leaks
+
+
+@functools.cache
+def make_sunk(spec: Spec) -> Any:
+    """Return the kernel over the fluid that counts what is inside bodies, from the list; see `make_leaks`.
+
+    Wall bodies up to the number `side_walls` are sides of the domain.
+    """
+    real, vec, _, _ = types_of(spec)
+    Params = make_params(spec.dimension, spec.precision)
+    separation = separation_of(spec)
+    list_begin, list_step, neighbour, Listed = list_access(spec)
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def count_sunk(
+        first: int,
+        slot: int,
+        phase_count: int,
+        side_walls: int,
+        particle_count: int,
+        list_width: int,
+        params: Params,
+        neighbours: Listed,
+        fluid_neighbours: wp.array(dtype=wp.int16),
+        wall_neighbours: wp.array(dtype=wp.int16),
+        phase: wp.array(dtype=wp.int8),
+        position: wp.array(dtype=vec),
+        wall_body: wp.array(dtype=int),
+        wall_depth: wp.array(dtype=real),
+        wall_normal: wp.array(dtype=vec),
+        counters: wp.array(dtype=int),
+        leaks_found: wp.array(dtype=int),
+    ):
+        i = wp.tid() + first
+        if wp.static(spec.changing):
+            if i >= counters[LIVE]:
+                return
+        step = list_step(particle_count)
+        begin = list_begin(i, list_width) + int(fluid_neighbours[i]) * step
+        end = begin + int(wall_neighbours[i]) * step
+        wall_first = particle_count - wall_depth.shape[0]
+        nearest = real(1.0e30)
+        k = begin
+        while k < end:
+            j = neighbour(neighbours, i, k)
+            k += step
+            if wall_body[j - wall_first] > side_walls:
+                nearest = wp.min(nearest, wp.length(separation(position[i], position[j], True, params)))
+        before = real(-1.0e30)  # clearance from the surface, the largest of those that count
+        k = begin
+        while k < end:
+            j = neighbour(neighbours, i, k)
+            k += step
+            d = separation(position[i], position[j], True, params)
+            if wall_body[j - wall_first] > side_walls and wp.length(d) < nearest + real(ABOUT) * params.spacing:
+                before = wp.max(before, wp.dot(d, wall_normal[j - wall_first]) - wall_depth[j - wall_first])
+        if before > real(-1.0e30) and before < real(-SUNK) * params.spacing:
+            own = int(0)
+            if wp.static(spec.multiphase):
+                own = int(phase[i])
+            wp.atomic_add(leaks_found, slot * phase_count + own, 1)
+
+    return count_sunk

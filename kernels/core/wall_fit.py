@@ -3,7 +3,7 @@
 At the foot x_s of each particle of the first layer, with weights w_f = W(x_f - x_s) V_f over the fluid and r = x_f - x_s,
 which is y along the normal n and s at right angles to it:
 
-    pressure: the least-squares fit p_s + G.r of p_f - rho_f b.r, b = g + f - a_w the acceleration that pressure balances
+    pressure: the least-squares fit p_s + G.r of p_f - rho_f b.r, b = g + f - a_w the acceleration it balances
     velocity: the least-squares fit v_w + S r + q y^2 + c s^2 of v_f, which is that of the wall at the surface
 
 A wall particle x behind that foot, z behind its own, has p = p_s + (G + rho b).(x - x_s) and mirrors
@@ -91,6 +91,7 @@ def make_wall_fit(spec: Spec) -> Any:
         slip: wp.array(dtype=wp.uint8),
         surface_pressure: wp.array(dtype=real),
         surface_gradient: wp.array(dtype=vec),
+        surface_mixed: wp.array(dtype=wp.uint8),
         surface_velocity: wp.array(dtype=vec),
         surface_shear: wp.array(dtype=mat),
         surface_bend: wp.array(dtype=vec),
@@ -122,6 +123,8 @@ def make_wall_fit(spec: Spec) -> Any:
         ssss = real(0.0)
         bend = vec()  # sum w (v - v_w) y^2
         bow = vec()  # sum w (v - v_w) s^2
+        first_phase = int(127)
+        last_phase = int(-1)
         slips = bool(True)
         if wp.static(spec.wall_no_slip):
             slips = slip[w] != wp.uint8(0)
@@ -137,6 +140,8 @@ def make_wall_fit(spec: Spec) -> Any:
             own = int(0)
             if wp.static(spec.multiphase):
                 own = int(phase[j])
+                first_phase = wp.min(first_phase, own)
+                last_phase = wp.max(last_phase, own)
             rho = phases[own].density * rest_volume[j] / state_j[1]
             p_j = state_j[0] - rho * wp.dot(balanced, r)
             weight += w_j
@@ -191,6 +196,8 @@ def make_wall_fit(spec: Spec) -> Any:
                 ssss -= wp.dot(line_s, inverse * line_s)
                 straight = shear * inverse
                 bend = (ssss * bend - yyss * bow) / (yyyy * ssss - yyss * yyss)
+                # along the wall alone: across it a bend is sound, which its mirror would make louder in each step
+                bend -= normal * wp.dot(bend, normal)
                 reach = real(2.0) * params.h
                 most = real(MOST_BEND) * wp.length(straight * normal)
                 if wp.length(bend) * reach > most:
@@ -217,6 +224,8 @@ def make_wall_fit(spec: Spec) -> Any:
         else:
             shear = mat()
             bend = vec()
+        if wp.static(spec.multiphase):
+            surface_mixed[w] = wp.uint8(wp.where(last_phase > first_phase, 1, 0))
         surface_pressure[w] = p
         surface_gradient[w] = gradient
         surface_velocity[w] = own_velocity
@@ -253,6 +262,8 @@ def make_wall_values(spec: Spec) -> Any:
         slip: wp.array(dtype=wp.uint8),
         surface_pressure: wp.array(dtype=real),
         surface_gradient: wp.array(dtype=vec),
+        surface_mixed: wp.array(dtype=wp.uint8),
+        wall_mixed: wp.array(dtype=wp.uint8),
         surface_velocity: wp.array(dtype=vec),
         surface_shear: wp.array(dtype=mat),
         surface_bend: wp.array(dtype=vec),
@@ -278,5 +289,7 @@ def make_wall_values(spec: Spec) -> Any:
                     own_velocity = velocity_at(own_velocity, arm, wall_body[w], body_motion, poses)
                 mirror = own_velocity - surface_shear[lead] * arm + surface_bend[lead] * (depth * depth)
         mirror_velocity[w] = mirror
+        if wp.static(spec.multiphase):
+            wall_mixed[w] = surface_mixed[lead]
 
     return wall_values

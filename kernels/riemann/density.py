@@ -17,6 +17,7 @@ from warpsph.kernels.core.smoothing import make_smoothing
 from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, types_of
 from warpsph.kernels.core.time_signals import GRAVITY_NOW, make_forcing
 
+from .body_flow import make_body_flow
 from .star import make_jump, make_star
 
 PRESSED = 1.1  # density over that at rest from which on the impedance follows it
@@ -70,7 +71,7 @@ def make_continuity(spec: Spec) -> Any:
     spray = spec.free_surface and not spec.multiphase
     sided = spec.multiphase and not spec.paper_star
     linear = spec.bodies and spec.corrected  # exact for a linear velocity and pressure on any arrangement
-    smallest_moment = 0.1  # determinant below which a neighbourhood is too thin to correct
+    body_walls, uneven_rate = make_body_flow(spec)
     sparse = 0.4 * spec.dimension  # of `crowd`: fewer neighbours than a particle on a free surface has
 
     @wp.kernel(module="unique", enable_backward=False, module_options=SWEEP_OPTIONS)
@@ -138,13 +139,7 @@ def make_continuity(spec: Spec) -> Any:
         stiffness = real(0.0)  # its derivative by the own pressure, over c_i
         plain_stiffness = real(0.0)  # what it would be among particles of the own phase
         own_stiffness = real(0.0)  # the same of the pairs of the own phase
-        flow = mat()  # sum of (v_j - v_i) (x) F V x_ij
-        moment = mat()
-        slope_i = vec()  # of the pressure, whose part of the differences makes no flow
-        if wp.static(linear):
-            slope_i = pressure_gradient[i]
-        elif wp.static(spec.gravity):
-            slope_i = own.density * gravity_of(params, forcing, GRAVITY_NOW)
+        flow, moment = mat(), mat()  # sums of (v_j - v_i) (x) F V x_ij and of -x_ij (x) F V x_ij
         crowd = real(0.0)  # -sum F V r^2: the dimension inside a fluid, about half of it on a free surface
         k = list_begin(i, list_width)
         step = list_step(particle_count)
@@ -212,7 +207,7 @@ def make_continuity(spec: Spec) -> Any:
             if wp.static(spec.dissipation):
                 dp = p_i - state_j[0]
                 if wp.static(linear):
-                    dp -= real(0.5) * wp.dot(slope_i + pressure_gradient[j], d)
+                    dp -= real(0.5) * wp.dot(pressure_gradient[i] + pressure_gradient[j], d)
                 elif wp.static(spec.gravity):
                     dp -= own.density * wp.dot(gravity_of(params, forcing, GRAVITY_NOW), d)
                 term += dp * r * inv_z
@@ -234,28 +229,16 @@ def make_continuity(spec: Spec) -> Any:
                 r = wp.sqrt(wp.dot(d, d))
                 rate += real(2.0) * slope(r * params.inv_h) * params.wall_volume * wp.dot(vi - velocity[j], d)
         if wp.static(spec.bodies):
-            while k < end:
-                j = neighbour(neighbours, i, k)
-                k += step
-                w = j - (particle_count - boundary_volume.shape[0])
-                d = separation(xi, position[j], wrapped, params)
-                r = wp.sqrt(wp.dot(d, d))
-                f = slope(r * params.inv_h) * boundary_volume[w]
-                term = wp.dot(vi - mirror_velocity[w], d)
-                if wp.static(spec.dissipation and not linear):
-                    if not near:
-                        term += (p_i - state[j][0] - wp.dot(slope_i, d)) * r * inv_z
-                rate += f * term
-                if wp.static(linear):
-                    fd = f * d
-                    flow += wp.outer(mirror_velocity[w] - vi, fd)
-                    moment -= wp.outer(d, fd)
-        if wp.static(linear):
-            if wall_neighbours[i] > wp.int16(0) and not near:
-                # what the arrangement before the wall makes of a linear velocity is taken out
-                m = moment * params.g_norm
-                if wp.determinant(m) > real(smallest_moment):
-                    rate += wp.trace(flow) - wp.trace(flow * wp.inverse(m))
+            # the fit at the wall does not know which fluid is whose: near another there is no difference of pressure
+            weight = own.density * gravity_of(params, forcing, GRAVITY_NOW)
+            wall_rate, wall_flow, wall_moment = body_walls(
+                i, k, end, step, particle_count, wrapped, xi, vi, wp.where(near, real(0.0), inv_z), p_i, weight,
+                params, neighbours, position, boundary_volume, mirror_velocity, state,
+            )  # fmt: skip
+            rate += wall_rate
+            if wp.static(linear):
+                if wall_neighbours[i] > wp.int16(0) and not near:
+                    rate -= uneven_rate(flow + wall_flow, moment + wall_moment, params.g_norm)
 
         if wp.static(sided):
             # A heavy particle among light ones takes their pressure at up to twice the rate of one among its own, which is

@@ -99,6 +99,8 @@ def make_momentum(spec: Spec) -> Any:
         boundary_volume: wp.array(dtype=real),
         wall_depth: wp.array(dtype=real),
         wall_normal: wp.array(dtype=vec),
+        wall_mixed: wp.array(dtype=wp.uint8),
+        wall_acceleration: wp.array(dtype=vec),
         density_excess: wp.array(dtype=real),
         wall_impact: wp.array(dtype=real),
         acceleration: wp.array(dtype=vec),
@@ -309,6 +311,12 @@ def make_momentum(spec: Spec) -> Any:
                     p_wall = p_i
                     if wp.static(spec.gravity):
                         p_wall -= rho_i * wp.dot(gravity_of(params, forcing, GRAVITY_NEXT), d)
+                if wp.static(spec.multiphase and spec.bodies):
+                    if near or wall_mixed[j - fluid_count] != wp.uint8(0):
+                        borne = gravity_of(params, forcing, GRAVITY_NEXT) + body_force_of(params, forcing)
+                        if wp.static(spec.moving):
+                            borne -= wall_acceleration[j - fluid_count]
+                        p_wall = p_i - rho_i * wp.dot(borne, d)
                 if wp.static(spec.corrected):
                     moment -= wp.outer(d, fd)
                     own_sum += (p_wall - p_i) * fd

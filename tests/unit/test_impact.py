@@ -7,7 +7,7 @@ import pytest
 
 from tests.helpers import Bench, Fluid, lattice
 from warpsph.case.case import Case
-from warpsph.kernels.core.leaks import INSIDE
+from warpsph.kernels.core.leaks import SUNK
 from warpsph.kernels.core.spec import Spec
 from warpsph.kernels.riemann.star import make_one_sided
 from warpsph.running.model import Model
@@ -297,23 +297,30 @@ def test_density_beyond_which_a_run_has_diverged():
 
 
 def test_leaks_are_counted_by_phase_and_warned_of(tmp_path):
-    """Beyond a side that is a wall and inside a body; not beyond an open side, not in the corner of a body's cell."""
+    """Beyond a side that is a wall and inside a body; not beyond an open side, not what grazes a face or an edge."""
     boundary = {"x": "wall", "y": {"lower": "wall", "upper": "open"}}
     case = closed(
         domain={"lower": [0, 0], "upper": [1, 1], "boundary": boundary},
-        bodies={"block": {"shape": {"box": {"lower": [0.4, 0.4], "upper": [0.5, 0.5]}}}},
+        bodies={"block": {"shape": {"box": {"lower": [0.4, 0.4], "upper": [0.6, 0.6]}}}},
         fluids=[{"phase": "water", "shape": {"box": {"lower": [0, 0], "upper": [0.3, 0.3]}}}],
         end_time=1e-4,
     )
     model = Model(case, threads=2)
     assert model.leaks() == ({"water": 0}, {"water": 0})
-    position = model.particles.get("position")
-    inside = 0.425 + 0.9 * INSIDE * 0.05
-    position[:5] = [[-0.001, 0.2], [0.2, -0.1], [0.2, 1.3], [inside, 0.425], [0.425 + 0.024, 0.425 + 0.024]]
-    model.particles.put("position", position)
+    start = model.particles.get("anchor")
+
+    def put(places):
+        position = model.particles.get("anchor")
+        position[: len(places)] = places
+        for name in ("anchor", "position"):
+            model.particles.put(name, position)
+        model.stepper.rebuild(moving=False)
+
+    sunk = 0.4 + 1.1 * SUNK * case.spacing
+    grazing = 0.4 + 0.9 * SUNK * case.spacing
+    put([[-0.001, 0.2], [0.2, -0.1], [0.2, 1.3], [sunk, 0.5], [grazing, 0.5], [0.39, 0.41]])
     assert model.leaks() == ({"water": 3}, {"water": 3})
-    position[:5] = 0.2
-    model.particles.put("position", position)
+    put(start)
     assert model.leaks() == ({"water": 3}, {"water": 0})
     assert model.save_state()["leak_counts"].tolist() == [0, 3]
 

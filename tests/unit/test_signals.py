@@ -40,7 +40,7 @@ def test_derivatives_are_exact(text):
 
     value, first, second, rounding = jet_of(expression, "t", t)
     size = 1.0 + np.abs(second).max()
-    assert (np.abs(value - f(t)) <= rounding).all() and (rounding < 1e-13 * size).all()
+    assert (np.abs(value - f(t)) <= rounding).all() and (rounding < 1e-13 * (size + np.abs(value))).all()
     np.testing.assert_allclose(first, (8 * (f(t + h) - f(t - h)) - f(t + 2 * h) + f(t - 2 * h)) / (12 * h), atol=1e-7 * size)
     np.testing.assert_allclose(second, (f(t + h) - 2 * f(t) + f(t - h)) / h**2, atol=2e-3 * size)
 

@@ -20,7 +20,7 @@ from warpsph.engine.population import Population
 from warpsph.errors import CapacityError
 from warpsph.kernels.core import cells, slack, visibility
 from warpsph.kernels.core.clock import make_judge
-from warpsph.kernels.core.leaks import make_leaks
+from warpsph.kernels.core.leaks import make_leaks, make_sunk
 from warpsph.kernels.core.mirror import code_shift, make_sides
 from warpsph.kernels.core.spec import Spec, types_of
 
@@ -131,7 +131,7 @@ class NeighbourList:
         self.sort_order = wp.zeros(2 * n, dtype=int, device=device)
         self.list_peak = wp.zeros(launcher.threads, dtype=int, device=device)
         self._scratch: dict[Any, Any] = {}
-        self._counts_leaks = "solid_cells" in bindings
+        self._counts_leaks = "phase_count" in bindings
         if self._counts_leaks:
             phases = int(bindings["phase_count"])
             bindings.update(
@@ -255,7 +255,8 @@ class NeighbourList:
                 )
             )
             tasks.append(Task("permute", _copier(array, scratch, rows)))
-        tasks += self.leak_tasks("anchor")
+        if not spec.bodies:
+            tasks += self.leak_tasks("anchor")
         tasks.append(launcher.task("ranges", cells.make_ranges(), self.cell_start.shape[0], bindings))
         if spec.changing:
             special = {"dead_cell": self.cell_count}
@@ -263,6 +264,8 @@ class NeighbourList:
         tasks.append(launcher.task("list", cells.make_list(spec), n, bindings))
         if spec.tails:
             tasks += self._sight_tasks()
+        if spec.bodies:
+            tasks += self.leak_tasks("anchor")  # they look at the list
         if spec.interface:
             mark, gather = cells.make_band(spec)
             tasks.append(launcher.task("band", mark, fluid, bindings))
@@ -303,10 +306,11 @@ class NeighbourList:
         count, close = make_leaks(self.particles.spec)
         fluid = self.particles.fluid_capacity
         special = {"place": self.particles.arrays[place]}
-        return [
-            self.launcher.task("leaks", count, fluid, self.bindings, special=special),
-            self.launcher.task("leaks", close, 1, self.bindings, single=True),
-        ]
+        tasks = [self.launcher.task("leaks", count, fluid, self.bindings, special=special)]
+        if self.spec.bodies:
+            tasks.append(self.launcher.task("leaks", make_sunk(self.spec), fluid, self.bindings))
+        tasks.append(self.launcher.task("leaks", close, 1, self.bindings, single=True))
+        return tasks
 
     def _make_check_tasks(self) -> list[Task]:
         """Return the tasks that find out whether the list outlasts the next steps, see `kernels/core/slack.py`."""

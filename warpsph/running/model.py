@@ -183,11 +183,11 @@ class Model:
             "phases": wp.array(phases, dtype=make_phase(spec.precision), device=self.device),
             "tension": wp.array(physics.tension.ravel(), dtype=real, device=self.device),
             "phase_count": len(case.phases),
+            "side_walls": len(self.geometry.body_names) - len(case.bodies),
             "first_wall_id": self.geometry.fluid_count,
             # with an open side fluid may come to lie beyond a wall over its rim, else nowhere
             "wall_thickness": real(physics.support if case.has_open_sides else 1.0e30),
             **self._frames(),
-            **self._solid_cells(),
             "contact_angles": wp.array(contact_matrix(case).ravel(), dtype=real, device=self.device),
             **own,
         }
@@ -343,21 +343,6 @@ class Model:
             "body_axis": wp.array(np.reshape([track.axis for track in tracks], (-1, 3)), dtype=wp.vec3d, device=device),
             "body_motion": wp.array(of_body, dtype=int, device=device),
             "poses": wp.zeros(2 * len(tracks), dtype=make_pose(), device=device),
-        }
-
-    def _solid_cells(self) -> dict[str, Any]:
-        """Return which cells of the domain a body fills that stays there, by kernel argument; no cells if there is none."""
-        lattice, names = self.geometry.lattice, self.geometry.body_names
-        moving = [names.index(track.name) + 1 for track in self.forcing.tracks]
-        walls = self.geometry.position[(self.geometry.kind == 1) & ~np.isin(self.geometry.body, moving)]
-        index = np.floor((walls - np.array(lattice.lower)) / np.array(lattice.spacing)).astype(int)
-        inside = ((index >= 0) & (index < np.array(lattice.count))).all(axis=1)
-        cells = np.zeros(lattice.count if inside.any() else 0, dtype=np.uint8)
-        if inside.any():
-            cells[tuple(index[inside].T)] = 1
-        return {
-            "solid_cells": wp.array(cells.ravel(), dtype=wp.uint8, device=self.device),
-            "solid_shape": wp.vec3i(*([*lattice.count, 1, 1])[:3]),
         }
 
     def leaks(self) -> tuple[dict[str, int], dict[str, int]]:
