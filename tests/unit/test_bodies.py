@@ -79,7 +79,7 @@ def test_fluid_stands_in_a_row_half_a_spacing_off_a_body():
 
 
 def test_a_sum_of_weights_at_a_body_is_that_of_the_lattice():
-    """Partition of unity at the first rows: 15 to 25 % off with lattice cells, as even as the lattice with rows."""
+    """Partition of unity at the first rows: with rows of fluid within 2 %, and far more even than with lattice cells."""
     found = {}
     h = 1.5 * DX
     for arrangement in ("lattice", "fitted"):
@@ -91,7 +91,7 @@ def test_a_sum_of_weights_at_a_body_is_that_of_the_lattice():
         found[arrangement] = (weight * geometry.volume).sum(axis=1)
     whole = 1.0058  # of the lattice, docs/theory/common.md#lattice
     assert found["fitted"] == pytest.approx(whole, abs=0.02)
-    assert np.abs(found["lattice"] - whole).max() > 0.1
+    assert np.std(found["lattice"]) > 4 * np.std(found["fitted"])
 
 
 def test_a_body_on_the_lattice_has_the_cells_of_it():
