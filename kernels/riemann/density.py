@@ -116,8 +116,7 @@ def make_continuity(spec: Spec) -> Any:
         if wp.static(spec.multiphase):
             own_phase = int(phase[i])
             own = phases[own_phase]
-        wrapped = bool(False)
-        near = bool(False)
+        wrapped, near = bool(False), bool(False)
         if wp.static(periodic or spec.multiphase):
             flag = int(flags[i])
             wrapped = (flag & WRAPPED) != 0

@@ -41,7 +41,9 @@ EXPECTED = {
     ),
     "strays": ("water|oil", {"1"}),
     "wall_force": (
-        "|".join(f"force_{axis}{body}" for body in ("", " domain", " ball") for axis in "xyz"), {"N"}
+        "|".join(f"force_{axis}{body}" for body in ("", " domain", " ball") for axis in "xyz")
+        + "".join(f"|{part}_{axis} ball" for part in ("pressure", "friction", "torque") for axis in "xyz"),
+        {"N", "N m"},
     ),
     "elevation": ("surface_1|surface_2", {"m"}),
     "points": (SAMPLED.replace(" ", "|"), {"m", "m/s", "Pa", "m^3"}),

@@ -363,10 +363,10 @@ def test_a_body_cuts_the_fluid():
 def test_a_body_on_an_open_side_and_in_a_wall():
     """Beyond an open side a body goes on for the layers of a wall; where a wall is, the wall stays."""
     boundary = {"x": {"lower": "wall", "upper": "open"}, "y": "open"}
-    block = {"shape": box((-5, 0.4), (5, 0.6))}
+    block = {"shape": box((-5, 0.2), (5, 0.8))}
     g = build(make(domain=domain(boundary), bodies={"bar": block}), 0.3)
     bar = g.position[g.body == 2]
-    assert len(bar) == 2 * 13
+    assert len(bar) == 6 * 13
     assert (bar[:, 0].min(), bar[:, 0].max()) == pytest.approx((0.05, 1.25))
     assert len(rows(g.position)) == g.count
 

@@ -8,7 +8,7 @@ import numpy as np
 import warp as wp
 
 from warpsph.kernels.core.spec import types_of
-from warpsph.kernels.core.surface_load import make_load_torque
+from warpsph.kernels.core.torques import make_load_torque
 
 if TYPE_CHECKING:
     from warpsph.case.case import Case

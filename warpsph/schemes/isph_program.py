@@ -17,8 +17,8 @@ from warpsph.kernels.core.surface_load import make_surface_load
 from warpsph.kernels.core.time_signals import depends_on_time
 from warpsph.kernels.core.wall import make_wall
 from warpsph.kernels.core.wall_fit import make_wall_fit, make_wall_rows, make_wall_values
-from warpsph.kernels.isph.body_flow import make_look_ahead
 from warpsph.kernels.isph.diffusion import make_diffusion
+from warpsph.kernels.isph.look_ahead import make_look_ahead
 from warpsph.kernels.isph.pressure import make_accept, make_assemble, make_correct
 from warpsph.kernels.isph.projection import make_advect, make_predict, make_settle
 from warpsph.kernels.isph.regularise import make_regularise

@@ -1,0 +1,41 @@
+"""Torque of the force on each wall particle (theory: riemann#bodies)."""
+
+import functools
+from typing import Any
+
+import warp as wp
+
+from .spec import types
+
+
+@functools.cache
+def make_load_torque(dimension: int, precision: str) -> Any:
+    """Return the kernel over wall particles that writes the torque of the force on each about the pivot of its body [N m].
+
+    In 2-D, per metre of depth, it is the first component, the other is 0.
+    """
+    real, vec, _, _ = types(dimension, precision)
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def load_torque(
+        first: int,
+        fluid_count: int,
+        position: wp.array(dtype=vec),
+        wall_depth: wp.array(dtype=real),
+        wall_normal: wp.array(dtype=vec),
+        wall_body: wp.array(dtype=int),
+        pivots: wp.array(dtype=vec),
+        load: wp.array(dtype=vec),
+        torque: wp.array(dtype=vec),
+    ):
+        w = wp.tid() + first
+        arm = position[w + fluid_count] + wall_normal[w] * wall_depth[w] - pivots[wall_body[w] - 1]
+        force = load[w]
+        turned = vec()
+        if wp.static(dimension == 3):
+            turned = wp.cross(arm, force)
+        else:
+            turned[0] = arm[0] * force[1] - arm[1] * force[0]
+        torque[w] = turned
+
+    return load_torque
