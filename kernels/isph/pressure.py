@@ -14,11 +14,11 @@ from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, types_of
 from warpsph.kernels.core.time_signals import GRAVITY_NEXT, make_forcing
 from warpsph.kernels.core.weights import make_weights
 
+from .body_flow import make_friction_rate
 from .surface import INSIDE
 
 UNSURE = 0.01  # excess E that disorder alone can make: its standard deviation is 0.0037 on shifted particles
 TOUCH = 0.75  # distance from a wall particle at which a particle of the surface stops, in spacings; a resting row has 1
-VISCOUS_RATE = 1.0  # of nu/h^2, the rate at which friction takes what is as short as a smoothing length
 TENSION = 0.5  # largest, over rho u_max^2
 
 
@@ -41,6 +41,7 @@ def make_assemble(spec: Spec) -> Any:
     _, _, _, Values, put_value = make_entry(spec.row_list, spec.wide_list, real)
     gravity_of, _ = make_forcing(spec)
     time_weights = make_weights(spec.second_order)
+    friction_rate = make_friction_rate(spec.precision)
     periodic = any(spec.periodic)
     dimension = float(spec.dimension)
     image_bit = code_shift(spec.dimension)
@@ -67,13 +68,9 @@ def make_assemble(spec: Spec) -> Any:
         surface: wp.array(dtype=wp.uint8),
         position: wp.array(dtype=vec),
         velocity: wp.array(dtype=vec),
-        velocity_ahead: wp.array(dtype=vec),
         wall_acceleration: wp.array(dtype=vec),
         velocity_star: wp.array(dtype=vec),
         rest_volume: wp.array(dtype=real),
-        boundary_volume: wp.array(dtype=real),
-        wall_normal: wp.array(dtype=vec),
-        mirror_velocity: wp.array(dtype=vec),
         pressure: wp.array(dtype=real),
         lasting_gradient: wp.array(dtype=vec),
         dilation: wp.array(dtype=real),
@@ -110,12 +107,14 @@ def make_assemble(spec: Spec) -> Any:
         beta = weights[2] * clock[STEP]
         # what gravity adds to u*: the pressure of images and walls balances it, so that it is not mirrored
         falling = gravity_of(params, forcing, GRAVITY_NEXT) * real(beta)
+        lagged = deferred
+        lifted = rho
         if wp.static(spec.bodies):
-            # the share of the last pressure that stays, of its gradient in u* and of its Laplacian in the equation
-            number = real(VISCOUS_RATE) * real(beta) * phases[0].viscosity / (rho * params.h * params.h)
-            kept = number / (real(1.0) + number)
-            new = real(1.0) - kept
+            new = real(1.0) / (real(1.0) + real(beta) * friction_rate(params.h, phases[0]))
+            kept = real(1.0) - new  # share of the last pressure, of its gradient in u* and of its Laplacian in the equation
+            lifted = rho * new
             falling = falling * new
+            lagged = deferred * new
             push = kept * real(beta) / rho
             vi = vi - push * lasting_gradient[i]
         crowd = rest_volume[i]
@@ -154,10 +153,7 @@ def make_assemble(spec: Spec) -> Any:
                 if code != 0:
                     vj = image_velocity(vj - falling, code, sides) + falling
                     if wp.static(spec.gravity):
-                        if wp.static(spec.bodies):
-                            right += new * w * rho * wp.dot(gravity_of(params, forcing, GRAVITY_NEXT), lift(xj, code, sides))
-                        else:
-                            right += w * rho * wp.dot(gravity_of(params, forcing, GRAVITY_NEXT), lift(xj, code, sides))
+                        right += w * lifted * wp.dot(gravity_of(params, forcing, GRAVITY_NEXT), lift(xj, code, sides))
             flow += wp.outer(vj - vi, f * d)
             uneven += w * d
             known = bool(False)
@@ -176,26 +172,13 @@ def make_assemble(spec: Spec) -> Any:
                 entry += row_step
                 count += 1
         if wp.static(spec.walls):
-            if wp.static(spec.bodies):
-                wall_first = particle_count - boundary_volume.shape[0]
-                lasting = lasting_gradient[i]
-                shared = kept + new * deferred
-                ahead = velocity_ahead[i]
-                added = (velocity_star[i] - ahead) * (rho / real(beta))
             full = full and wall_neighbours[i] == wp.int16(0)
+        if wp.static(spec.walls and not spec.bodies):
             end += int(wall_neighbours[i]) * step
             while k < end:
                 j = neighbour(neighbours, i, k)
                 k += step
                 d = apart(xi, position[j], 0, wrapped, params, sides)
-                if wp.static(spec.bodies):
-                    b = j - wall_first
-                    n = wall_normal[b]
-                    f = slope(wp.sqrt(wp.dot(d, d)) * params.inv_h) * boundary_volume[b]
-                    # the velocity continued; what the step adds to it is that of this particle, reversed across the wall
-                    flow += wp.outer(mirror_velocity[b] - ahead, f * d)
-                    right += weight * f * wp.dot(shared * lasting - added, n) * wp.dot(d, n)
-                    continue
                 f = slope(wp.sqrt(wp.dot(d, d)) * params.inv_h) * params.wall_volume
                 w = weight * f
                 # an image of this particle: velocity mirrored at that of the wall, pressure in balance with the weight
@@ -219,8 +202,7 @@ def make_assemble(spec: Spec) -> Any:
             # BDF2 of dD/dt = -(D - wanted)/tau, the right side extrapolated: stable up to dt = tau
             rate = wp.float64(2.0) * clock[SPEED] / wp.float64(params.h)
             if wp.static(spec.bodies):
-                # what friction makes of it
-                rate += wp.float64(VISCOUS_RATE * phases[0].viscosity / (rho * params.h * params.h))
+                rate += wp.float64(friction_rate(params.h, phases[0]))
             rate = wp.min(rate, wp.float64(1.0) / clock[STEP])
             left_now = wp.float64(dilation[i])
             left_old = wp.float64(dilation_old[i])
@@ -229,10 +211,7 @@ def make_assemble(spec: Spec) -> Any:
         else:
             divergence -= wanted
         right -= share * (spread[i] / real(dimension)) * divergence / real(beta)
-        if wp.static(spec.bodies):
-            right += new * deferred * wp.dot(lasting_gradient[i], uneven)
-        else:
-            right += deferred * wp.dot(lasting_gradient[i], uneven)
+        right += lagged * wp.dot(lasting_gradient[i], uneven)
         matrix_counts[i] = wp.int16(count)
         matrix_diagonal[i] = diagonal + coupling
         matrix_moment[i] = moment

@@ -56,18 +56,18 @@ def test_drag_does_not_depend_on_the_arrangement():
 
 def test_fluid_at_rest_carries_a_body_with_its_weight():
     model = made(
-        particle_spacing=0.05,
+        particle_spacing=0.025,
         domain={"lower": [0, 0], "upper": [1, 1], "boundary": {"x": "wall", "y": "wall"}},
         gravity=[0.0, -9.81],
         phases={"w": {"density": 1000.0, "viscosity": 20.0}},
         bodies={"c": circle([0.52, 0.43], 0.15)},
         start={"pressure": "hydrostatic"},
     )
-    model.stepper.run(0.5, 10**6)
+    model.stepper.run(0.4, 10**6)
     force = model.wall_forces()
     weight = 9810.0 * math.pi * 0.15**2
     assert force["wall_force_y c"] == pytest.approx(weight, rel=0.01)
-    assert abs(force["wall_force_x c"]) < 0.002 * weight
+    assert abs(force["wall_force_x c"]) < 0.01 * weight
     assert np.abs(model.snapshot().fluid.velocity).max() < 2e-3
 
 

@@ -597,6 +597,8 @@ def test_wall_force_of_each_body_and_of_all():
     force = {}
     for k, body in enumerate(wall_bodies(case)):
         force |= {f"wall_force_x {body}": 1.0 + k, f"wall_force_y {body}": -10.0 * k}
+        parts = ("wall_friction_x", "wall_friction_y", "wall_torque_z", "wall_centre_x", "wall_centre_y")
+        force |= {f"{part} {body}": 0.0 for part in parts}
     row = measure(case, make_snapshot([[0, 0]], extra=force))
     assert (row["force_x"], row["force_y"]) == (6.0, -30.0)
     assert (row["force_x block"], row["force_y block"]) == (3.0, -20.0)

@@ -17,8 +17,8 @@ from warpsph.kernels.core.surface_load import make_surface_load
 from warpsph.kernels.core.time_signals import depends_on_time
 from warpsph.kernels.core.wall import make_wall
 from warpsph.kernels.core.wall_fit import make_wall_fit, make_wall_rows, make_wall_values
+from warpsph.kernels.isph.body_pressure import make_body_source, make_look_ahead
 from warpsph.kernels.isph.diffusion import make_diffusion
-from warpsph.kernels.isph.look_ahead import make_look_ahead
 from warpsph.kernels.isph.pressure import make_accept, make_assemble, make_correct
 from warpsph.kernels.isph.projection import make_advect, make_predict, make_settle
 from warpsph.kernels.isph.regularise import make_regularise
@@ -162,7 +162,10 @@ def diffuse(spec: Spec) -> list[Stage]:
 
 def equation(spec: Spec) -> list[Stage]:
     """Return the stages that write the pressure equation down; the solver follows them."""
-    return [Stage("assemble", make_assemble(spec), "fluid", "matrix and right-hand side of the pressure equation")]
+    stages = [Stage("assemble", make_assemble(spec), "fluid", "matrix and right-hand side of the pressure equation")]
+    if spec.bodies:
+        stages.append(Stage("body_source", make_body_source(spec), "fluid", "bodies in the right-hand side"))
+    return stages
 
 
 def finish(spec: Spec) -> list[Stage]:

@@ -1,0 +1,131 @@
+"""Bodies in projection ISPH: the velocity that they see, and their part in the pressure equation (theory: isph#bodies)."""
+
+import functools
+from typing import Any
+
+import warp as wp
+
+from warpsph.kernels.core.clock import STEP
+from warpsph.kernels.core.pair import list_access, separation_of
+from warpsph.kernels.core.params import make_params, make_phase
+from warpsph.kernels.core.smoothing import make_smoothing
+from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, types, types_of
+from warpsph.kernels.core.weights import make_weights
+
+from .surface import INSIDE
+
+VISCOUS_RATE = 1.0  # of nu/h^2
+
+
+@functools.cache
+def make_look_ahead(spec: Spec) -> Any:
+    """Return the kernel that extrapolates the velocity to the end of the step; `behind` 1: that of walls, as it is."""
+    _, vec, _, _ = types_of(spec)
+    real = types_of(spec).real
+    time_weights = make_weights(spec.second_order)
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def look_ahead(
+        first: int,
+        behind: int,
+        fluid_count: int,
+        clock: wp.array(dtype=wp.float64),
+        velocity: wp.array(dtype=vec),
+        velocity_old: wp.array(dtype=vec),
+        velocity_ahead: wp.array(dtype=vec),
+    ):
+        i = wp.tid() + first + behind * fluid_count
+        v = velocity[i]
+        if behind == 0:
+            v = v + (v - velocity_old[i]) * real(time_weights(clock)[3])
+        velocity_ahead[i] = v
+
+    return look_ahead
+
+
+@functools.cache
+def make_friction_rate(precision: str) -> Any:
+    """Return the `wp.func` friction_rate(h, phase) = nu/h^2, at which friction takes what is as short as h [1/s]."""
+    real = types(2, precision).real
+    Phase = make_phase(precision)
+
+    @wp.func
+    def friction_rate(h: real, phase: Phase):
+        return real(VISCOUS_RATE) * phase.viscosity / (phase.density * h * h)
+
+    return friction_rate
+
+
+@functools.cache
+def make_body_source(spec: Spec) -> Any:
+    """Return the sweep that adds the walls of bodies to the right-hand side of the pressure equation.
+
+    A wall particle has the velocity continued through the surface; what the step adds to the velocity is that of the fluid
+    particle, reversed across the wall.
+    """
+    real, vec, mat, _ = types_of(spec)
+    Params = make_params(spec.dimension, spec.precision)
+    Phase = make_phase(spec.precision)
+    _, slope = make_smoothing(spec.kernel, spec.precision)
+    separation = separation_of(spec)
+    list_begin, list_step, neighbour, Listed = list_access(spec)
+    time_weights = make_weights(spec.second_order)
+    friction_rate = make_friction_rate(spec.precision)
+    dimension = float(spec.dimension)
+
+    @wp.kernel(module="unique", enable_backward=False, module_options=SWEEP_OPTIONS)
+    def body_source(
+        first: int,
+        particle_count: int,
+        list_width: int,
+        deferred: real,
+        params: Params,
+        phases: wp.array(dtype=Phase),
+        clock: wp.array(dtype=wp.float64),
+        neighbours: Listed,
+        fluid_neighbours: wp.array(dtype=wp.int16),
+        wall_neighbours: wp.array(dtype=wp.int16),
+        surface: wp.array(dtype=wp.uint8),
+        position: wp.array(dtype=vec),
+        velocity_ahead: wp.array(dtype=vec),
+        velocity_star: wp.array(dtype=vec),
+        rest_volume: wp.array(dtype=real),
+        boundary_volume: wp.array(dtype=real),
+        wall_normal: wp.array(dtype=vec),
+        mirror_velocity: wp.array(dtype=vec),
+        lasting_gradient: wp.array(dtype=vec),
+        correction: wp.array(dtype=mat),
+        spread: wp.array(dtype=real),
+        source: wp.array(dtype=real),
+    ):
+        i = wp.tid() + first
+        if wall_neighbours[i] == wp.int16(0):
+            return
+        if wp.static(spec.free_surface):
+            if surface[i] != wp.uint8(INSIDE):
+                return
+        rho = phases[0].density
+        reach = real(time_weights(clock)[2] * clock[STEP])
+        number = reach * friction_rate(params.h, phases[0])
+        shared = (number + deferred) / (real(1.0) + number)
+        ahead = velocity_ahead[i]
+        jump = shared * lasting_gradient[i] - (velocity_star[i] - ahead) * (rho / reach)
+        xi = position[i]
+        flow = mat()
+        right = real(0.0)
+        step = list_step(particle_count)
+        k = list_begin(i, list_width) + int(fluid_neighbours[i]) * step
+        end = k + int(wall_neighbours[i]) * step
+        while k < end:
+            j = neighbour(neighbours, i, k)
+            k += step
+            b = j - (particle_count - boundary_volume.shape[0])
+            n = wall_normal[b]
+            d = separation(xi, position[j], True, params)
+            f = slope(wp.length(d) * params.inv_h) * boundary_volume[b] * params.g_norm
+            flow += wp.outer(mirror_velocity[b] - ahead, f * d)
+            right -= real(2.0) / rho * f * wp.dot(jump, n) * wp.dot(d, n)
+        right -= spread[i] / real(dimension) * wp.trace(flow * correction[i]) / reach
+        source[i] = source[i] + rest_volume[i] / params.wall_volume * right
+
+    return body_source
