@@ -24,7 +24,7 @@ def runaway_particle(model: Model, row: int) -> tuple[int, str, str, str]:
         quantity, value = "position", "not finite"
     elif not math.isfinite(speed):
         quantity, value = "velocity", "not finite"
-    elif not math.isfinite(excess) or not -LEAST_DENSITY < excess < (most := model.most_excess(row)):
+    elif not -LEAST_DENSITY < excess < (most := model.most_excess(row)):  # nor is what is not finite
         limits = f", limits {-LEAST_DENSITY:g} and {most:.3g}" if math.isfinite(excess) else ""
         quantity, value = "density", f"rho/rho0 - 1 = {excess:.3g}{limits}"
     elif speed >= model.physics.runaway:

@@ -137,7 +137,7 @@ class Model:
             particles.put("wall_depth", np.linalg.norm(beyond, axis=1))
         if "wall_sides" in particles.arrays:
             particles.put("wall_sides", geometry.wall_sides[nf:])
-        if geometry.surface is not None:
+        if geometry.surface is not None and self.physics.spec.bodies:
             self._fill_surface(geometry.surface)
         if "slip" in particles.arrays:
             particles.put("slip", geometry.wall_slip[nf:])

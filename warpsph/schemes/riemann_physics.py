@@ -141,7 +141,7 @@ def derive(case: Case, geometry: Geometry, row_list: bool = True) -> Physics:
         multiphase=len(phases) > 1,
         periodic=tuple(case.periodic),
         walls=geometry.wall_count > 0,
-        bodies=bool(case.bodies),
+        bodies=_fitted_walls(case, geometry),
         tails=geometry.surface is not None and geometry.surface.frames.count > 0,
         wall_no_slip=viscous and bool((geometry.wall_slip[geometry.kind == 1] == 0).any()),
         viscosity=str(form) if viscous else "none",
@@ -274,3 +274,25 @@ def step_limits(case: Case, spec: Spec, h: float, tension: np.ndarray) -> dict[s
     if case.numerics.maximum_step is not None:
         limits["maximum_step"] = float(case.numerics.maximum_step)
     return limits
+
+
+def _fitted_walls(case: Case, geometry: Geometry) -> bool:
+    """Whether the walls have a surface of their own: where there are bodies, inlets and outlets excepted.
+
+    Beside a buffer whose pressure is continued from the fluid the fit at the walls is unstable. There the walls are
+    cells, and so are bodies, which have to be made of whole cells and to stay where they are.
+
+    Raises CaseError.
+    """
+    if not case.bodies or open_axis(case) < 0:
+        return bool(case.bodies)
+    moving = [name for name, body in case.bodies.items() if body.motion is not None]
+    problems = [
+        Problem(f"bodies.{name}.motion", MISSING, "does not go with inlets and outlets", "delete it") for name in moving
+    ]
+    rule = "cuts cells of the lattice, which does not go with inlets and outlets"
+    remedy = "use a box whose faces lie between particles, or periodic sides and a body_force"
+    problems += [Problem(f"bodies.{name}.shape", case.bodies[name].shape.kind, rule, remedy) for name in geometry.cut]
+    if problems:
+        raise CaseError(problems)
+    return False
