@@ -19,6 +19,7 @@ def geometry(fluid, **bodies):
         "domain": {"lower": [0, 0], "upper": [1, 1], "boundary": {"x": "periodic", "y": "open"}},
         "phases": {"water": {"density": 1.0}},
         "fluids": [{"phase": "water", "shape": fluid}],
+        "start": {"arrangement": "lattice"},
         "bodies": {name: {"shape": {"sphere": shape}} for name, shape in bodies.items()},
     }
     return build(Case.from_dict(case), 3 / N)

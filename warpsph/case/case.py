@@ -176,6 +176,10 @@ class Case(CaseModel):
         if self.central_force is not None:
             fill(self.central_force, "center", zero)
         fill(self.start, "velocity", (compile_expression("0.0"),) * self.dimension)
+        for body in self.bodies.values():
+            if body.motion is not None:
+                fill(body.motion, "translation", zero)
+                fill(body.motion, "pivot", zero)
         for reference in self.reference.values():
             if isinstance(reference, ReferenceInterface):
                 fill(reference.interface, "offset", zero)
@@ -264,6 +268,9 @@ class Case(CaseModel):
         plain = self.model_dump(mode="python", by_alias=True, exclude_unset=not defaults)
         if self.dimension == 2 and defaults:
             del plain["domain"]["boundary"]["z"]
+            for body in plain["bodies"].values():
+                if isinstance(body.get("motion"), dict):
+                    body["motion"].pop("axis", None)
         result: dict[str, Any] = none_words(plain)
         return result
 

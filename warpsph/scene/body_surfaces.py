@@ -86,6 +86,24 @@ def surface_of(case: Case, body: Body, low: NDArray[np.float64], high: NDArray[n
     return Hollow(found) if body.hollow else found
 
 
+def rooted(case: Case, body: Body, lattice: Lattice, support: float) -> Body:
+    """A body whose box ends on a wall of the domain, gone on into the wall: no fluid is before the face that is there.
+
+    support: reach of the smoothing kernel, m; the box goes on twice as far. Beyond a side that mirrors there is nothing.
+    """
+    box = body.shape.box
+    if box is None or body.hollow or case.scheme.mirrors_sides:
+        return body
+    lower, upper = list(box.lower), list(box.upper)
+    for k, (sides, spacing) in enumerate(zip(case.sides, lattice.spacing, strict=True)):
+        if sides.lower.kind == "wall" and lower[k] <= lattice.lower[k] + SAME * spacing:
+            lower[k] = min(lower[k], lattice.lower[k] - 2.0 * support)
+        if sides.upper.kind == "wall" and upper[k] >= lattice.upper[k] - SAME * spacing:
+            upper[k] = max(upper[k], lattice.upper[k] + 2.0 * support)
+    grown = box.model_copy(update={"lower": tuple(lower), "upper": tuple(upper)})
+    return body.model_copy(update={"shape": body.shape.model_copy(update={"box": grown})})
+
+
 def make_solids(
     case: Case, lattice: Lattice, support: float, problems: list[Problem], warnings: list[str]
 ) -> list[Solid]:
@@ -106,7 +124,7 @@ def make_solids(
     for name, body in case.bodies.items():
         path = f"bodies.{name}.shape"
         try:
-            surface = surface_of(case, body, low, high)
+            surface = surface_of(case, rooted(case, body, lattice, support), low, high)
         except ExpressionError as error:
             problems.append(expression_problem(path, body.shape, error))
             continue

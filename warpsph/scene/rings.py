@@ -134,7 +134,12 @@ def _band(band: Any, line: Any, spacing: float, layer: int) -> Rows:
     volume = np.where(near, 0.0, share)
     if near.any():
         counted = _shares(band, position, spacing, near)
-        volume += counted * ((band.area - volume.sum()) / counted.sum())
+        left = band.area - volume.sum()
+        if left > 0.0:
+            volume += counted * (left / counted.sum())
+        else:  # what the pieces of the line stand for overlaps: all of them share
+            volume = _shares(band, position, spacing)
+            volume *= band.area / volume.sum()
     else:
         volume *= band.area / volume.sum()
     return Rows(position, volume, np.full(len(position), layer, dtype=np.intp))

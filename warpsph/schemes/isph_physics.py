@@ -135,7 +135,7 @@ def derive(case: Case, geometry: Geometry, row_list: bool) -> Physics:
         kernel=numerics.kernel,
         periodic=tuple(case.periodic),
         walls=geometry.wall_count > 0,
-        bodies=bool(case.bodies),
+        bodies=bool(geometry.cut) or bool(forcing_of(case).tracks),  # those of whole cells mirror the fluid cell by cell
         tails=geometry.surface is not None and geometry.surface.frames.count > 0,
         wall_no_slip=viscous and bool((geometry.wall_slip[geometry.kind == 1] == 0).any()),
         viscosity=viscosity,
