@@ -277,16 +277,20 @@ def step_limits(case: Case, spec: Spec, h: float, tension: np.ndarray) -> dict[s
 
 
 def _fitted_walls(case: Case, geometry: Geometry) -> bool:
-    """Whether the walls have a surface of their own: where there are bodies, inlets and outlets excepted.
+    """Whether the walls have a surface of their own: where there are bodies, with two exceptions in which walls are cells.
 
-    Beside a buffer whose pressure is continued from the fluid the fit at the walls is unstable. There the walls are
-    cells, and so are bodies, which have to be made of whole cells and to stay where they are.
+    Beside the buffer of an inlet, whose pressure is continued from the fluid, the fit at walls is unstable: bodies there
+    have to be made of whole cells and to stay where they are. In several fluids bodies like that hold small drops of one
+    fluid off their corners, where a fit knows no corner.
 
     Raises CaseError.
     """
-    if not case.bodies or open_axis(case) < 0:
-        return bool(case.bodies)
+    if not case.bodies:
+        return False
     moving = [name for name, body in case.bodies.items() if body.motion is not None]
+    whole = not geometry.cut and not moving
+    if open_axis(case) < 0:
+        return len(case.phases) == 1 or not whole
     problems = [
         Problem(f"bodies.{name}.motion", MISSING, "does not go with inlets and outlets", "delete it") for name in moving
     ]
