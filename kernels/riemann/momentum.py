@@ -101,6 +101,8 @@ def make_momentum(spec: Spec) -> Any:
         wall_normal: wp.array(dtype=vec),
         wall_mixed: wp.array(dtype=wp.uint8),
         wall_acceleration: wp.array(dtype=vec),
+        wall_body: wp.array(dtype=int),
+        side_walls: int,
         density_excess: wp.array(dtype=real),
         wall_impact: wp.array(dtype=real),
         acceleration: wp.array(dtype=vec),
@@ -297,7 +299,9 @@ def make_momentum(spec: Spec) -> Any:
                         gap2 = gap2 * gap2
                     steep = wp.max(wp.abs(n_w))
                     for axis in range(wp.static(spec.dimension)):
-                        if wp.abs(n_w[axis]) == steep and foot2 < face_foot2[axis]:
+                        # an edge of the domain is no plane: its cells are behind two sides at once
+                        plane = wall_body[w] > side_walls or steep > real(0.99)
+                        if plane and wp.abs(n_w[axis]) == steep and foot2 < face_foot2[axis]:
                             face_foot2[axis] = foot2
                             face_gap[axis] = clear
                             face_speed[axis] = wp.dot(velocity[j], n_w)

@@ -262,7 +262,7 @@ def test_rest_without_room():
 
 def test_no_fluid_left_by_a_body():
     case = make(bodies={"block": {"shape": box((0, 0), (1, 1))}})
-    assert [path for path, _ in problems_of(case)] == ["fluids.0.shape"]
+    assert "fluids.0.shape" in [path for path, _ in problems_of(case)]
 
 
 def test_without_rest_the_domain_stays_empty():
