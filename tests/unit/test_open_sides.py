@@ -405,3 +405,9 @@ def test_sound_speed_knows_the_inlet():
                  phases__water__sound_speed="auto")  # fmt: skip
     physics = Model(case, device="cpu", threads=1).physics
     assert physics.sound_speed[0] == pytest.approx(10 * 2 * 3 * 0.75)
+
+
+def test_a_ramp_that_is_not_finite_is_told_by_its_key():
+    case = Case.load("cases/open_channel.yaml", ["domain.boundary.x.lower={inlet: {pressure: 1, ramp: 1/t}}"])
+    with pytest.raises(CaseError, match=r"domain\.boundary\.x\.lower\.inlet\.ramp: 1/t .*finite"):
+        Model(case)

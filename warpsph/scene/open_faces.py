@@ -161,6 +161,15 @@ def fill_sites(faces: list[Face], lattice: Lattice) -> tuple[NDArray[np.float64]
     return np.concatenate(places), np.concatenate(numbers)
 
 
+def factors_of(face: Face, times: NDArray[Any]) -> NDArray[np.float64]:
+    """Return the factor on what is given at a face at times [s], (n,). Raises CaseError where it is not finite."""
+    try:
+        return face.flow.factor(times)
+    except ExpressionError as error:
+        path = f"domain.boundary.{AXES[face.axis]}.{('lower', 'upper')[face.end]}.{face.flow.word}.ramp"
+        raise CaseError([Problem(path, error.text, error.rule_with_column, error.remedy)]) from None
+
+
 def given_scales(case: Case, geometry: Geometry) -> tuple[float, float, float]:
     """Return (largest speed given [m/s], largest pressure given [Pa], speed that given pressures may drive [m/s]).
 
@@ -171,7 +180,7 @@ def given_scales(case: Case, geometry: Geometry) -> tuple[float, float, float]:
     times = np.linspace(0.0, case.end_time, 1001)
     speed, pressures = 0.0, []
     for face in faces:
-        factors = face.flow.factor(times)
+        factors = factors_of(face, times)
         speed = max(speed, float(np.linalg.norm(face.velocity[face.free], axis=1).max(initial=0.0) * np.abs(factors).max()))
         if not face.gives_velocity:
             ends = np.outer((face.pressure.min(), face.pressure.max()), (factors.min(), factors.max()))
@@ -198,4 +207,4 @@ def signal_samples(faces: list[Face], end_time: float, step: float) -> tuple[lis
     """
     step = max(step, end_time / MOST_SAMPLES)
     times = np.arange(math.ceil(end_time / step) + 2) * step
-    return [face.flow.factor(times[:1] if face.flow.steady else times) for face in faces], step
+    return [factors_of(face, times[:1] if face.flow.steady else times) for face in faces], step
