@@ -58,6 +58,12 @@ class Spec:
         second_order: BDF2 in time instead of the first-order projection (isph).
         implicit_viscosity: the viscous term is stabilised by an implicit solve (isph).
         viscosity_by_axis: the components of implicit viscosity have matrices of their own (isph).
+        density_diffusion: the density is evened out (delta_plus).
+        exact_divergence: the divergence is exact for linear velocities (delta_plus).
+        tension_control: pressure below zero acts by its differences, away from free surfaces (delta_plus).
+        artificial_viscosity: fluid particles have friction beside that of their phase (delta_plus).
+        shift_form: "" for that of the scheme; "positions" or "consistent": what a shift changes (delta_plus).
+        runge_kutta: four stages of Runge and Kutta instead of the leapfrog (delta_plus).
         row_list: neighbour list stored particle by particle (CPU) instead of neighbour by neighbour (GPU).
         wide_list: the neighbour list has more entries than 31 bits number; known with its width.
     """
@@ -92,6 +98,12 @@ class Spec:
     second_order: bool = False
     implicit_viscosity: bool = False
     viscosity_by_axis: bool = False
+    density_diffusion: bool = False
+    exact_divergence: bool = False
+    tension_control: bool = False
+    artificial_viscosity: bool = False
+    shift_form: str = ""
+    runge_kutta: bool = False
     varying_force: bool = False
     varying_sides: bool = False
     moving: bool = False

@@ -21,7 +21,9 @@ ROOMS = {
     "case": ("warpsph.case",),
     "state": ("warpsph.snapshot", "warpsph.start"),
     "kernels": ("warpsph.kernels",),
-    "kernels of schemes": ("warpsph.kernels.isph", "warpsph.kernels.linear", "warpsph.kernels.riemann"),
+    "kernels of schemes": (
+        "warpsph.kernels.delta", "warpsph.kernels.isph", "warpsph.kernels.linear", "warpsph.kernels.riemann",
+    ),
     "engine": ("warpsph.engine",),
     "scene": ("warpsph.scene",),
     "solvers": ("warpsph.solvers",),

@@ -35,7 +35,7 @@ def smoothing_ratio(case: Case) -> float:
     if given != "auto":
         return float(given)
     printed = case.numerics.formulation == "paper"
-    return (case.scheme.printed_ratio if printed else None) or IMPROVED_RATIO
+    return (case.scheme.printed_ratio if printed else None) or case.scheme.usual_ratio or IMPROVED_RATIO
 
 
 def support_radius(case: Case) -> float:

@@ -32,6 +32,7 @@ class Scheme:
         numerics: model of the section `numerics` of its cases.
         mirrors_sides: walls at sides of the domain are mirror images of the fluid, not particles.
         printed_ratio: smoothing length over spacing of `formulation: paper`, or None for the usual one.
+        usual_ratio: smoothing length over spacing that `auto` means otherwise, or None for that of the other schemes.
         skin: of the neighbour list, as share of the support radius, where the case says `auto`.
         shifts: particles are shifted whatever the pressure gradient is, for the estimate of memory.
         staggered: velocities are half a step behind positions, as of a leapfrog.
@@ -46,6 +47,7 @@ class Scheme:
     numerics: type[NumericsBase]
     mirrors_sides: bool = False
     printed_ratio: float | None = None
+    usual_ratio: float | None = None
     skin: float = 0.12
     shifts: bool = False
     staggered: bool = False

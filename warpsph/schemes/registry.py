@@ -18,6 +18,7 @@ DEFAULT = "riemann"
 _BUILT_IN = {
     "riemann": "warpsph.schemes.riemann_scheme:RiemannScheme",
     "isph": "warpsph.schemes.isph_scheme:IsphScheme",
+    "delta_plus": "warpsph.schemes.delta_scheme:DeltaScheme",
 }
 _known: dict[str, Scheme] = {}
 

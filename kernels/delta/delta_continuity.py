@@ -1,0 +1,146 @@
+"""Continuity sweep of the delta-plus scheme, with density diffusion and what a shift carries (theory: delta#d1, delta#d4).
+
+    ds_i/dt = (1+s_i) sum_j (v_i - v_j).grad_i W V_j + delta h c D_i,   s = rho/rho0 - 1
+    D_i = (2 / rho0 c^2) sum_j [(p_j - p_i) - (G_i + G_j).(x_j - x_i)/2] (x_j - x_i).grad_i W V_j / r^2
+
+D compares pressures and not densities: the same where pressure is proportional to s, and zero for a linear pressure with any
+equation of state. G is the corrected pressure gradient of the last momentum sweep. Positions are those in the middle of
+the step. Walls take part in the first sum alone: what their pressure misses would be a source of volume beside them.
+
+In a domain that is full the divergence is exact for linear velocities, tr(sum_j (v_j - v_i) (x) grad_i W V_j M_i^-1): what a
+strained arrangement makes of a divergence has one sign, and would raise the pressure of the whole domain.
+"""
+
+import functools
+from typing import Any
+
+import warp as wp
+
+from warpsph.kernels.core.clock import STEP
+from warpsph.kernels.core.pair import WRAPPED, list_access, separation_of
+from warpsph.kernels.core.params import make_params, make_phase
+from warpsph.kernels.core.smoothing import make_smoothing
+from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, types_of
+
+SMALLEST_MOMENT = 0.1  # determinant below which a neighbourhood is too thin to correct
+SPARSE = 0.4  # of the dimension, which -sum F V r^2 is inside a fluid: fewer neighbours than a particle on a surface has
+
+
+@functools.cache
+def make_delta_continuity(spec: Spec) -> Any:
+    """Return the sweep that writes the rate of the density excess, and the change of velocity that belongs to the shift."""
+    real, vec, mat, pair = types_of(spec)
+    Params = make_params(spec.dimension, spec.precision)
+    Phase = make_phase(spec.precision)
+    _, slope = make_smoothing(spec.kernel, spec.precision)
+    separation = separation_of(spec)
+    list_begin, list_step, neighbour, Listed = list_access(spec)
+    periodic = any(spec.periodic)
+    carries = spec.shift_form == "consistent"
+    sparse = SPARSE * spec.dimension
+
+    @wp.kernel(module="unique", enable_backward=False, module_options=SWEEP_OPTIONS)
+    def delta_continuity(
+        first: int,
+        particle_count: int,
+        fluid_count: int,
+        list_width: int,
+        density_diffusion: real,
+        params: Params,
+        phases: wp.array(dtype=Phase),
+        clock: wp.array(dtype=wp.float64),
+        neighbours: Listed,
+        fluid_neighbours: wp.array(dtype=wp.int16),
+        wall_neighbours: wp.array(dtype=wp.int16),
+        flags: wp.array(dtype=wp.uint8),
+        position: wp.array(dtype=vec),
+        midway: wp.array(dtype=vec),
+        velocity: wp.array(dtype=vec),
+        state: wp.array(dtype=pair),
+        boundary_volume: wp.array(dtype=real),
+        mirror_velocity: wp.array(dtype=vec),
+        pressure_gradient: wp.array(dtype=vec),
+        shift: wp.array(dtype=vec),
+        density_excess: wp.array(dtype=real),
+        density_rate: wp.array(dtype=real),
+        carried: wp.array(dtype=vec),
+    ):
+        i = wp.tid() + first
+        xi = midway[i]
+        vi = velocity[i]
+        p_i = state[i][0]
+        s_i = density_excess[i]
+        wrapped = bool(False)
+        if wp.static(periodic):
+            wrapped = (int(flags[i]) & WRAPPED) != 0
+        rate = real(0.0)
+        evening = real(0.0)  # what D_i sums up, over -2 g_norm / (rho0 c^2)
+        moved = real(0.0)  # sum F V (dr_i + dr_j).x_ij (s_j - s_i)
+        carry = vec()  # the same of the velocity
+        crowd = real(0.0)
+        flow = mat()  # sum F V (v_j - v_i) (x) x_ij
+        moment = mat()  # -sum F V x_ij (x) x_ij
+        correctable = bool(True)
+        k = list_begin(i, list_width)
+        step = list_step(particle_count)
+        end = k + int(fluid_neighbours[i]) * step
+        while k < end:
+            j = neighbour(neighbours, i, k)
+            k += step
+            d = separation(xi, midway[j], wrapped, params)
+            r2 = wp.dot(d, d)
+            state_j = state[j]
+            f = slope(wp.sqrt(r2) * params.inv_h) * state_j[1]
+            dv = vi - velocity[j]
+            rate += f * wp.dot(dv, d)
+            if wp.static(spec.exact_divergence):
+                fd = f * d
+                flow -= wp.outer(dv, fd)
+                moment -= wp.outer(d, fd)
+            if wp.static(spec.density_diffusion):
+                dp = state_j[0] - p_i
+                evening += f * (dp + real(0.5) * wp.dot(pressure_gradient[i] + pressure_gradient[j], d))
+            if wp.static(carries):
+                through = f * wp.dot(shift[i] + shift[j], d)
+                carry -= through * dv
+                moved += through * (density_excess[j] - s_i)
+            if wp.static(spec.free_surface):
+                crowd -= f * r2
+        if wp.static(spec.walls):
+            end += int(wall_neighbours[i]) * step
+            while k < end:
+                j = neighbour(neighbours, i, k)
+                k += step
+                d = separation(xi, position[j], wrapped, params)
+                f = slope(wp.length(d) * params.inv_h)
+                if wp.static(spec.bodies):
+                    w = j - fluid_count
+                    fd = (f * boundary_volume[w]) * d
+                    dv = vi - mirror_velocity[w]
+                    rate += wp.dot(dv, fd)
+                    if wp.static(spec.exact_divergence):
+                        flow -= wp.outer(dv, fd)
+                        moment -= wp.outer(d, fd)
+                else:
+                    correctable = False  # the image of a velocity along a wall is not that of a linear field
+                    # the mirror image of the particle has 2 v_w - v_i, which holds the velocity of the wall at its surface
+                    rate += real(2.0) * f * params.wall_volume * wp.dot(vi - velocity[j], d)
+        if wp.static(spec.exact_divergence):
+            m = moment * params.g_norm
+            if correctable and wp.determinant(m) > real(SMALLEST_MOMENT):
+                rate -= wp.trace(flow * wp.inverse(m)) - wp.trace(flow)
+        total = (real(1.0) + s_i) * rate
+        if wp.static(spec.density_diffusion):
+            own = phases[0]
+            total -= real(2.0) * density_diffusion * params.h * own.sound_speed * own.compressibility * evening
+        total = total * params.g_norm
+        if wp.static(carries):
+            carried[i] = carry * (real(0.5) * params.g_norm)
+            total += real(0.5) * params.g_norm * moved / real(clock[STEP])
+        if wp.static(spec.free_surface):
+            # with hardly a fluid neighbour a density below rest is memory, not tension, and would draw spray into walls
+            if crowd * params.g_norm < real(sparse):
+                total = wp.max(total, -s_i / real(clock[STEP]))
+        density_rate[i] = total
+
+    return delta_continuity

@@ -1,0 +1,106 @@
+"""Kick and drift of the delta-plus leapfrog, and the density that closes a step (theory: delta#d5).
+
+    v_{n+1/2} = v_{n-1/2} + (dt_n + dt_{n-1})/2 a_n ;   x_{n+1} = x_n + dt_n v_{n+1/2} + dr_n
+
+`velocity` holds v_{n-1/2} between steps; dr is the shift that the last momentum sweep found.
+"""
+
+import functools
+from typing import Any
+
+import warp as wp
+
+from warpsph.kernels.core.clock import LAST_STEP, MAXIMA, RUNAWAY, STEP
+from warpsph.kernels.core.eos import make_eos
+from warpsph.kernels.core.params import LEAST_DENSITY, make_phase
+from warpsph.kernels.core.spec import Spec, types_of
+
+
+@functools.cache
+def make_delta_drift(spec: Spec) -> Any:
+    """Return the kernel that moves the fluid particles and watches speed, way and faults."""
+    real, vec, _, _ = types_of(spec)
+    Phase = make_phase(spec.precision)
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def delta_drift(
+        first: int,
+        slot: int,
+        clock: wp.array(dtype=wp.float64),
+        phases: wp.array(dtype=Phase),
+        acceleration: wp.array(dtype=vec),
+        shift: wp.array(dtype=vec),
+        anchor: wp.array(dtype=vec),
+        density_excess: wp.array(dtype=real),
+        velocity: wp.array(dtype=vec),
+        offset: wp.array(dtype=vec),
+        position: wp.array(dtype=vec),
+        midway: wp.array(dtype=vec),
+        maxima: wp.array(dtype=real),
+        faults: wp.array(dtype=int),
+    ):
+        i = wp.tid() + first
+        v = velocity[i] + acceleration[i] * real(wp.float64(0.5) * (clock[STEP] + clock[LAST_STEP]))
+        go = v * real(clock[STEP])
+        if wp.static(spec.shifting):
+            go += shift[i]
+        way = offset[i] + go
+        x = anchor[i] + way
+        velocity[i] = v
+        offset[i] = way
+        position[i] = x
+        midway[i] = anchor[i] + (way - real(0.5) * go)
+        v2 = wp.dot(v, v)
+        o2 = wp.dot(way, way)
+        if v2 > maxima[slot * MAXIMA]:
+            wp.atomic_max(maxima, slot * MAXIMA, v2)
+        if o2 > maxima[slot * MAXIMA + 2]:
+            wp.atomic_max(maxima, slot * MAXIMA + 2, o2)
+        limit = real(clock[RUNAWAY])
+        # NaN fails every comparison; a lost position would leave its particle without neighbours, and unseen
+        dense = density_excess[i] < phases[0].most_excess and density_excess[i] > real(wp.static(-LEAST_DENSITY))
+        if not (v2 < limit * limit and dense and wp.dot(x, x) < real(1.0e30)):
+            wp.atomic_min(faults, slot, i)
+
+    return delta_drift
+
+
+@functools.cache
+def make_delta_state(spec: Spec) -> Any:
+    """Return the kernel that advances density by its rate, velocity by what the shift carries, and evaluates the state.
+
+    closing: 1 at the end of a step, 0 for the state of what is there.
+    """
+    real, vec, _, pair = types_of(spec)
+    Phase = make_phase(spec.precision)
+    eos = make_eos(spec.precision)
+    carries = spec.shift_form == "consistent"
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def delta_state(
+        first: int,
+        closing: int,
+        clock: wp.array(dtype=wp.float64),
+        phases: wp.array(dtype=Phase),
+        density_rate: wp.array(dtype=real),
+        carried: wp.array(dtype=vec),
+        rest_volume: wp.array(dtype=real),
+        wholeness: wp.array(dtype=real),
+        density_excess: wp.array(dtype=real),
+        velocity: wp.array(dtype=vec),
+        state: wp.array(dtype=pair),
+        wholeness_old: wp.array(dtype=real),
+    ):
+        i = wp.tid() + first
+        s = density_excess[i]
+        if closing == 1:
+            s += real(clock[STEP]) * density_rate[i]
+            density_excess[i] = s
+            if wp.static(carries):
+                velocity[i] = velocity[i] + carried[i]
+        if wp.static(spec.free_surface):
+            wholeness_old[i] = wholeness[i]
+        own = phases[0]
+        state[i] = pair(eos(s, own.stiffness, own.gamma) + own.background, rest_volume[i] / (real(1.0) + s))
+
+    return delta_state

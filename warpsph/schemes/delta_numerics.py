@@ -1,0 +1,72 @@
+"""Delta-plus-SPH: its keys of `numerics`."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from warpsph.case.numerics import Auto, NumericsBase, Switch
+from warpsph.case.values import ChoiceRule, NumberRule
+
+__all__ = ["DeltaNumerics"]
+
+
+class DeltaNumerics(NumericsBase):
+    """How delta-plus-SPH computes. `formulation` sets the defaults of the keys that are `auto`."""
+
+    scheme: Literal["delta_plus"] = Field(
+        default="delta_plus", description="weakly compressible delta-plus-SPH, one phase", examples=["delta_plus"]
+    )
+    pressure_gradient: Annotated[Literal["auto", "conservative"], ChoiceRule()] = Field(
+        default="auto",
+        description="conservative: plus form, conserves momentum, but see tension_control",
+        examples=["auto"],
+    )
+    viscosity_form: Annotated[Literal["auto", "morris", "radial"], ChoiceRule()] = Field(
+        default="auto",
+        description="viscous term. auto: morris, radial with a free surface (paper: radial)",
+        examples=["auto"],
+    )
+    smoothing_ratio: Annotated[float | Auto, NumberRule(least=0.8, most=4, auto=True)] = Field(
+        default="auto", description="smoothing length h divided by particle_spacing. auto: 2", examples=["2"]
+    )
+    shifting: Annotated[float | Auto, NumberRule(least=0, most=20, auto=True)] = Field(
+        default="auto", description="coefficient of particle shifting, 0 for none. auto: 8 (paper: 2)", examples=["8"]
+    )
+    shift_form: Annotated[Literal["auto", "positions", "consistent"], ChoiceRule()] = Field(
+        default="auto",
+        description="positions: a shift moves particles and nothing else; consistent: density and velocity become those "
+        "of the new place. auto: consistent (paper: positions)",
+        examples=["auto"],
+    )
+    unlock: Annotated[float | Auto, NumberRule(least=0, most=0.3, auto=True)] = Field(
+        default="auto",
+        description="random displacement at the start that breaks the symmetry of a lattice, fraction of "
+        "particle_spacing; start.noise counts if it is larger. auto: 0",
+        examples=["0"],
+    )
+    courant: Annotated[float | Auto, NumberRule(above=0, most=2, auto=True)] = Field(
+        default="auto", description="time step divided by h/(c + v). auto: 0.5", examples=["0.5"]
+    )
+    density_diffusion: Annotated[float, NumberRule(least=0, most=1)] = Field(
+        default=0.1, description="factor delta of the term that evens the density out", examples=["0.1"]
+    )
+    exact_divergence: Switch = Field(
+        default="auto",
+        description="divergence exact for linear velocities on any arrangement. auto: true where the fluid fills the domain "
+        "(paper: false)",
+        examples=["true"],
+    )
+    tension_control: Switch = Field(
+        default="auto",
+        description="pressure below zero acts by its differences, away from free surfaces, so that particles do not clump. "
+        "auto: true",
+        examples=["true"],
+    )
+    artificial_viscosity: Annotated[float | Auto, NumberRule(least=0, most=1, auto=True)] = Field(
+        default="auto",
+        description="factor alpha of a friction between fluid particles, as viscosity alpha h c rho/(2 (d + 2)) less that "
+        "of the phase. auto: 0.02 with a free surface, else 0",
+        examples=["0.02"],
+    )

@@ -1,0 +1,130 @@
+"""Numbers of a run with delta-plus-SPH: what `auto` comes to, the structure, sound speed, limits of the time step."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from warpsph.kernels.core.smoothing import KERNELS
+from warpsph.kernels.core.spec import Spec
+from warpsph.scene.forcing import forcing_of
+from warpsph.scene.physics import VISCOUS_LIMIT, Physics, check_periods, flow_scales, has_room, smoothing_ratio
+from warpsph.schemes.delta_numerics import DeltaNumerics
+from warpsph.schemes.riemann_physics import sound_speeds
+
+if TYPE_CHECKING:
+    from warpsph.case.case import Case
+    from warpsph.scene.geometry import Geometry
+
+COURANT = 0.5
+# A of the shift: 2 is that of Sun et al. 2017 and 2019, which leaves vortices that begin on a lattice disordered.
+SHIFTING, PRINTED_SHIFTING = 8.0, 2.0
+ALPHA = 0.02  # artificial viscosity of inviscid flow with a free surface (Antuono et al. 2010)
+
+
+def derive(case: Case, geometry: Geometry, row_list: bool) -> Physics:
+    """Return the physics of a delta-plus case whose particles are known; see `physics.derive`."""
+    numerics = case.numerics
+    assert isinstance(numerics, DeltaNumerics)
+    paper = numerics.formulation == "paper"
+    filled = not has_room(case, geometry)
+    forcing = forcing_of(case)
+    phase = case.phases[case.phase_names[0]]
+    choices: dict[str, Any] = {}
+    reasons: dict[str, str] = {}
+
+    def choose(key: str, automatic: Any, reason: str) -> Any:
+        given = getattr(numerics, key)
+        choices[key] = automatic if given == "auto" else given
+        if given == "auto":
+            reasons[key] = reason
+        return choices[key]
+
+    choose("pressure_gradient", "conservative", "of the scheme")
+    radial = paper or not filled
+    reason = "printed form" if paper else "isotropic" if filled else "right damping at a free surface"
+    form = choose("viscosity_form", "radial" if radial else "morris", reason)
+    choose("smoothing_ratio", smoothing_ratio(case), "of the scheme")
+    shifting = choose(
+        "shifting",
+        PRINTED_SHIFTING if paper else SHIFTING,
+        "printed value" if paper else "keeps the particles evenly spaced",
+    )
+    shift_form = choose("shift_form", "positions" if paper else "consistent", "printed form" if paper else "fields stay put")
+    choose("unlock", 0.0, "not needed")
+    choose("courant", COURANT, "measured")
+    exact = choose(
+        "exact_divergence",
+        filled and not paper,
+        "printed form" if paper else "the fluid fills the domain" if filled else "a free surface",
+    )
+    control = choose("tension_control", True, "particles under tension do not clump")
+    alpha = choose("artificial_viscosity", 0.0 if filled else ALPHA, "no free surface" if filled else "a free surface")
+    choose("skin", case.scheme.skin, "measured optimum of sweeps and rebuilds")
+    choices["density_diffusion"] = numerics.density_diffusion
+    choices["kernel"] = numerics.kernel
+    choices["maximum_step"] = numerics.maximum_step
+
+    h = float(choices["smoothing_ratio"]) * case.spacing
+    support = h * KERNELS[numerics.kernel].support
+    scales, seen = flow_scales(case, geometry, np.zeros((1, 1)), filled)
+    sound, warnings = sound_speeds(case, scales, seen, filled)
+    viscous = phase.viscosity > 0
+    choices["artificial"] = max(
+        float(alpha) * h * sound[0] * phase.density / (2 * (case.dimension + 2)) - phase.viscosity, 0.0
+    )
+    spec = Spec(
+        dimension=case.dimension,
+        precision=case.precision,
+        kernel=numerics.kernel,
+        periodic=tuple(case.periodic),
+        walls=geometry.wall_count > 0,
+        bodies=bool(case.bodies),
+        tails=geometry.surface is not None and geometry.surface.frames.count > 0,
+        wall_no_slip=viscous and bool((geometry.wall_slip[geometry.kind == 1] == 0).any()),
+        viscosity=str(form) if viscous else "none",
+        gravity=bool(np.any(forcing.hydrostatic() != 0)),
+        body_force=bool(np.any(forcing.driving() != 0)),
+        varying_force=forcing.varying_force,
+        varying_sides=forcing.varying_sides,
+        moving=bool(forcing.tracks),
+        central_force=case.central_force is not None,
+        shifting=float(shifting) > 0,
+        free_surface=not filled,
+        scheme="delta_plus",
+        density_diffusion=numerics.density_diffusion > 0,
+        exact_divergence=bool(exact),
+        tension_control=bool(control),
+        artificial_viscosity=choices["artificial"] > 0,
+        shift_form=str(shift_form) if float(shifting) > 0 else "",
+        row_list=row_list,
+    )
+    check_periods(case, geometry, support * (1.0 + float(choices["skin"])))
+    return Physics(
+        spec=spec,
+        choices=choices,
+        reasons=reasons,
+        h=h,
+        support=support,
+        sound_speed=tuple(sound),
+        scales=scales,
+        tension=np.zeros((1, 1)),
+        step_cap=step_limits(case, spec, h, choices["artificial"]),
+        runaway=10.0 * max(sound[0], scales["velocity"]),
+        warnings=tuple(warnings),
+        densities=(phase.density,),
+        acoustic=sound[0],
+    )
+
+
+def step_limits(case: Case, spec: Spec, h: float, artificial: float) -> dict[str, float]:
+    """Return the constant limits of the time step [s] by name; `artificial`: viscosity beside that of the phase [Pa s]."""
+    phase = case.phases[case.phase_names[0]]
+    limits: dict[str, float] = {}
+    form = VISCOUS_LIMIT["radial"] if artificial > 0 or spec.viscosity == "none" else VISCOUS_LIMIT[spec.viscosity]
+    if phase.viscosity + artificial > 0:
+        limits["viscosity"] = form * h * h * phase.density / (phase.viscosity + artificial)
+    if case.numerics.maximum_step is not None:
+        limits["maximum_step"] = float(case.numerics.maximum_step)
+    return limits

@@ -1,0 +1,152 @@
+"""Delta-plus-SPH: one kick-drift-kick step, read from top to bottom (theory: delta#d1 to delta#d6)."""
+
+from __future__ import annotations
+
+from warpsph.engine.program import Absent, BuildList, KeepList, Node, Program, Stage
+from warpsph.kernels.core.clock import make_advance
+from warpsph.kernels.core.drive import make_move_sides, make_signals
+from warpsph.kernels.core.moving_bodies import make_move_bodies
+from warpsph.kernels.core.poses import MIDDLE, NEXT
+from warpsph.kernels.core.spec import Spec
+from warpsph.kernels.core.surface_load import make_surface_load
+from warpsph.kernels.core.time_signals import depends_on_time
+from warpsph.kernels.core.wall import make_wall
+from warpsph.kernels.core.wall_fit import make_wall_fit, make_wall_rows, make_wall_values
+from warpsph.kernels.delta.delta_continuity import make_delta_continuity
+from warpsph.kernels.delta.delta_drift import make_delta_drift, make_delta_state
+from warpsph.kernels.delta.delta_load import make_delta_load
+from warpsph.kernels.delta.delta_momentum import make_delta_momentum
+
+
+def program(spec: Spec) -> Program:
+    """Return what runs for a `Spec`."""
+    measures: dict[str, list[Node]] = {}
+    if spec.walls:
+        measures["wall_load"] = [*signals(spec), *load(spec)]
+    return Program(step=step(spec), start=start(spec), advance=advance(spec), measures=measures)
+
+
+def step(spec: Spec) -> list[Node]:
+    """Return the nodes of one time step, in order."""
+    return [
+        *signals(spec),
+        *moving_sides(spec),
+        *bodies(spec, MIDDLE, speed=1),
+        Stage("drift", make_delta_drift(spec), "fluid", "moves the particles"),
+        Stage("continuity", make_delta_continuity(spec), "fluid", "rate of the density, with its diffusion"),
+        state(spec, closing=1),
+        *bodies(spec, NEXT, closing=1),
+        *walls(spec),
+        momentum(spec),
+        advance(spec),
+        KeepList(),
+    ]
+
+
+def start(spec: Spec) -> list[Node]:
+    """Return the nodes that complete a start: state from density, list, then the acceleration."""
+    return [
+        *signals(spec),
+        *bodies(spec, NEXT, speed=1, closing=1),
+        state(spec, closing=0),
+        BuildList("the first list"),
+        state(spec, closing=0),
+        *walls(spec),
+        momentum(spec),
+    ]
+
+
+def momentum(spec: Spec) -> Stage:
+    """Return the stage that finds accelerations."""
+    return Stage("momentum", make_delta_momentum(spec), "fluid", "acceleration, pressure gradient and shift")
+
+
+def state(spec: Spec, closing: int) -> Stage:
+    """Return the stage that evaluates pressure and volume from the density, which it advances at the end of a step."""
+    reason = "density of the end of the step, pressure" if closing else "pressure of the start"
+    return Stage("state", make_delta_state(spec), "fluid", reason, {"closing": closing})
+
+
+def signals(spec: Spec) -> list[Stage]:
+    """Return the stage that evaluates what depends on time; walls move with their velocity in the middle of the step."""
+    if not depends_on_time(spec):
+        return []
+    return [Stage("signals", make_signals(spec), "one", "what depends on time", {"share": 0.5})]
+
+
+def moving_sides(spec: Spec) -> list[Stage]:
+    """Return the stage that gives wall particles the velocity of the sides that they are behind."""
+    if not (spec.walls and spec.varying_sides):
+        return []
+    return [Stage("move_sides", make_move_sides(spec), "wall", "the velocity of a side of the domain depends on time")]
+
+
+def bodies(spec: Spec, level: int, speed: int = 0, closing: int = 0) -> list[Stage]:
+    """Return the stage that brings moving bodies to where they are in the middle of the step or at its end."""
+    if not spec.moving:
+        return []
+    reason = "bodies in the middle of the step" if level == MIDDLE else "bodies at the end of the step"
+    values = {"level": level, "speed": speed, "closing": closing}
+    return [Stage("move_bodies", make_move_bodies(spec), "wall", reason, values)]
+
+
+def walls(spec: Spec) -> list[Stage]:
+    """Return the stages that continue the flow into the walls."""
+    if not spec.walls:
+        return []
+    if spec.bodies:
+        return [
+            Stage("wall_rows", make_wall_rows(), "wall", "where the list build has put each wall particle"),
+            Stage("wall_fit", make_wall_fit(spec), "wall", "linear fit of the flow before the walls"),
+            Stage("wall_values", make_wall_values(spec), "wall", "pressure and mirrored velocity of the walls"),
+        ]
+    return [Stage("wall_state", make_wall(spec), "wall", "pressure and mirrored velocity of the walls")]
+
+
+def load(spec: Spec) -> list[Stage]:
+    """Return the stages that a wall-force gauge runs: the force on each wall particle.
+
+    It is that of the pairs with the fluid. Where pressure below zero acts by its differences, pairs do not exchange
+    momentum: in a domain that is full, bodies have the integral over their surface instead.
+    """
+    if spec.bodies and spec.tension_control and not spec.free_surface:
+        # a build of the list may have moved the rows since the fit
+        fit = Stage("wall_fit", make_wall_fit(spec), "wall", "linear fit of the flow before the walls")
+        return [fit, Stage("wall_load", make_surface_load(spec), "wall", "wall-force gauge, over the surface")]
+    return [Stage("wall_load", make_delta_load(spec), "wall", "wall-force gauge")]
+
+
+def advance(spec: Spec) -> Stage:
+    """Return the stage that ends a step; without advancing it also prepares the first one."""
+    return Stage("advance", make_advance(spec.precision), "one", "time, next step length, list check")
+
+
+def absent(spec: Spec) -> list[Absent]:
+    """Return what a step leaves out for a `Spec`, and why."""
+    rows = []
+    if not spec.walls:
+        rows.append(Absent("wall_state", "the scene has no walls"))
+    if spec.walls and not spec.wall_no_slip:
+        rows.append(Absent("wall friction", "no viscosity, or all walls are free-slip"))
+    if spec.viscosity == "none":
+        rows.append(Absent("viscous term", "the viscosity is zero"))
+    if not spec.artificial_viscosity:
+        reason = "no free surface, enough viscosity, or numerics.artificial_viscosity is 0"
+        rows.append(Absent("artificial viscosity", reason))
+    if not spec.gravity:
+        rows.append(Absent("gravity", "gravity is zero"))
+    if not spec.body_force:
+        rows.append(Absent("body force", "body_force is zero"))
+    if not depends_on_time(spec):
+        rows.append(Absent("signals", "nothing depends on time"))
+    if not spec.density_diffusion:
+        rows.append(Absent("density diffusion", "numerics.density_diffusion is 0"))
+    if not spec.tension_control:
+        rows.append(Absent("tension control", "numerics.tension_control is false"))
+    if not spec.shifting:
+        rows.append(Absent("shift", "numerics.shifting is 0"))
+    if not spec.free_surface:
+        rows.append(Absent("free surface", "the fluid fills the domain"))
+    if not any(spec.periodic):
+        rows.append(Absent("periodic images", "no periodic axis"))
+    return rows

@@ -1,0 +1,104 @@
+"""Delta-plus-SPH as a scheme of the registry."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from warpsph.errors import Problem
+from warpsph.schemes.base import Scheme
+from warpsph.schemes.delta_numerics import DeltaNumerics
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from warpsph.engine.population import Population
+    from warpsph.engine.program import Absent, Program
+    from warpsph.kernels.core.fields import Field
+    from warpsph.kernels.core.spec import Spec
+    from warpsph.scene.geometry import Geometry
+    from warpsph.scene.physics import Physics
+
+SHIFT_CAP = 0.1  # longest shift of a step, in particle spacings
+
+
+class DeltaScheme(Scheme):
+    """Weakly compressible delta-plus-SPH."""
+
+    name = "delta_plus"
+    summary = "weakly compressible delta-plus-SPH, one phase"
+    numerics = DeltaNumerics
+    usual_ratio = 2.0
+    staggered = True
+    shifts = True
+    # the last of the wall stage, which knows schemes of two time levels
+    work = frozenset({"load", "friction", "velocity_old", "phase"})
+
+    def check(self, case: Any) -> Iterator[Problem]:
+        """Yield what the scheme cannot do: several phases, surface tension."""
+        if len(case.phases) > 1:
+            rule = f"takes one phase, the case has {len(case.phases)}"
+            yield Problem("numerics.scheme", self.name, rule, "write scheme: riemann, or leave one phase")
+        if len(case.surface_tension) > 0:
+            rule = "does not act with scheme: delta_plus"
+            yield Problem("surface_tension", len(case.surface_tension), rule, "write scheme: riemann, or delete it")
+
+    def derive(self, case: Any, geometry: Geometry, row_list: bool) -> Physics:
+        """Return the numbers of a run, see `delta_physics`."""
+        from warpsph.schemes import delta_physics
+
+        return delta_physics.derive(case, geometry, row_list)
+
+    def fields(self) -> Sequence[Field]:
+        """Return the declarations of its fields."""
+        from warpsph.kernels.delta.delta_fields import DELTA_FIELDS
+
+        return DELTA_FIELDS
+
+    def program(self, spec: Spec, choices: Mapping[str, Any]) -> Program:
+        """Return what runs, see `delta_program`."""
+        from warpsph.schemes import delta_program
+
+        return delta_program.program(spec)
+
+    def absent(self, spec: Spec) -> list[Absent]:
+        """Return what a step leaves out, and why."""
+        from warpsph.schemes import delta_program
+
+        return delta_program.absent(spec)
+
+    def fill(self, population: Population, case: Any, geometry: Geometry, physics: Physics) -> None:
+        """Put densities, volumes of the particles at the reference density, and whole neighbourhoods."""
+        import numpy as np
+
+        from warpsph.scene import start_values
+
+        excess = start_values.density_excess(case, geometry, physics)
+        population.put("density_excess", excess)
+        population.put("rest_volume", geometry.volume[: geometry.fluid_count] * (1.0 + excess))
+        if physics.spec.free_surface:
+            population.put("wholeness", np.ones(geometry.fluid_count))
+
+    def values(self, params: Any, case: Any, geometry: Geometry, physics: Physics, device: Any) -> dict[str, Any]:
+        """Set the numbers of its sweeps."""
+        import warp as wp
+
+        from warpsph.kernels.core.smoothing import make_smoothing
+
+        choices = physics.choices
+        ratio = physics.h / case.spacing
+        params.shifting = float(choices["shifting"])
+        params.shift_cap = SHIFT_CAP / ratio
+        shape, _ = make_smoothing(physics.spec.kernel, "float64")
+        return {
+            "density_diffusion": float(choices["density_diffusion"]),
+            "artificial_viscosity": float(choices["artificial"]),
+            "shift_speed": float(physics.scales["velocity"]),
+            "shift_peak": 1.0 / float(shape(wp.float64(1.0 / ratio))),
+        }
+
+    def set_clock(self, clock: np.ndarray, counters: np.ndarray, physics: Physics) -> None:
+        """Set the sound that limits the step."""
+        from warpsph.kernels.core import clock as ck
+
+        clock[ck.SOUND] = max(physics.sound_speed)
