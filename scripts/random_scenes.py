@@ -396,7 +396,7 @@ class Allowed:
         kinetic = 0.5 * float((mass * (np.asarray(snapshot.velocity, np.float64) ** 2).sum(axis=1)).sum())
         potential = float((mass * snapshot.position[:, self.axis]).sum()) * self.gravity
         elastic = 0.0
-        if model.physics.spec.scheme == "riemann":
+        if model.physics.spec.scheme != "isph":
             from warpsph.measure.totals import PhaseEos
 
             rows = zip(model.case.phase_names, model.physics.sound_speed, strict=True)

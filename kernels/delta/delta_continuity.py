@@ -27,8 +27,12 @@ SPARSE = 0.4  # of the dimension, which -sum F V r^2 is inside a fluid: fewer ne
 
 
 @functools.cache
-def make_delta_continuity(spec: Spec) -> Any:
-    """Return the sweep that writes the rate of the density excess, and the change of velocity that belongs to the shift."""
+def make_delta_continuity(spec: Spec, flow_part: bool = True, slow_part: bool = True) -> Any:
+    """Return the sweep that writes the rate of the density excess, and the change of velocity that belongs to the shift.
+
+    flow_part: with the divergence of the velocity; without `slow_part`, what `slow_rate` holds is added.
+    slow_part: with the diffusion, and with what the shift carries.
+    """
     real, vec, mat, pair = types_of(spec)
     Params = make_params(spec.dimension, spec.precision)
     Phase = make_phase(spec.precision)
@@ -36,7 +40,9 @@ def make_delta_continuity(spec: Spec) -> Any:
     separation = separation_of(spec)
     list_begin, list_step, neighbour, Listed = list_access(spec)
     periodic = any(spec.periodic)
-    carries = spec.shift_form == "consistent"
+    carries = spec.shift_form == "consistent" and slow_part
+    diffuses = spec.density_diffusion and slow_part
+    exact = spec.exact_divergence and flow_part
     sparse = SPARSE * spec.dimension
 
     @wp.kernel(module="unique", enable_backward=False, module_options=SWEEP_OPTIONS)
@@ -61,6 +67,7 @@ def make_delta_continuity(spec: Spec) -> Any:
         mirror_velocity: wp.array(dtype=vec),
         pressure_gradient: wp.array(dtype=vec),
         shift: wp.array(dtype=vec),
+        slow_rate: wp.array(dtype=real),
         density_excess: wp.array(dtype=real),
         density_rate: wp.array(dtype=real),
         carried: wp.array(dtype=vec),
@@ -92,12 +99,13 @@ def make_delta_continuity(spec: Spec) -> Any:
             state_j = state[j]
             f = slope(wp.sqrt(r2) * params.inv_h) * state_j[1]
             dv = vi - velocity[j]
-            rate += f * wp.dot(dv, d)
-            if wp.static(spec.exact_divergence):
+            if wp.static(flow_part):
+                rate += f * wp.dot(dv, d)
+            if wp.static(exact):
                 fd = f * d
                 flow -= wp.outer(dv, fd)
                 moment -= wp.outer(d, fd)
-            if wp.static(spec.density_diffusion):
+            if wp.static(diffuses):
                 dp = state_j[0] - p_i
                 evening += f * (dp + real(0.5) * wp.dot(pressure_gradient[i] + pressure_gradient[j], d))
             if wp.static(carries):
@@ -106,7 +114,7 @@ def make_delta_continuity(spec: Spec) -> Any:
                 moved += through * (density_excess[j] - s_i)
             if wp.static(spec.free_surface):
                 crowd -= f * r2
-        if wp.static(spec.walls):
+        if wp.static(spec.walls and flow_part):
             end += int(wall_neighbours[i]) * step
             while k < end:
                 j = neighbour(neighbours, i, k)
@@ -118,26 +126,28 @@ def make_delta_continuity(spec: Spec) -> Any:
                     fd = (f * boundary_volume[w]) * d
                     dv = vi - mirror_velocity[w]
                     rate += wp.dot(dv, fd)
-                    if wp.static(spec.exact_divergence):
+                    if wp.static(exact):
                         flow -= wp.outer(dv, fd)
                         moment -= wp.outer(d, fd)
                 else:
                     correctable = False  # the image of a velocity along a wall is not that of a linear field
                     # the mirror image of the particle has 2 v_w - v_i, which holds the velocity of the wall at its surface
                     rate += real(2.0) * f * params.wall_volume * wp.dot(vi - velocity[j], d)
-        if wp.static(spec.exact_divergence):
+        if wp.static(exact):
             m = moment * params.g_norm
             if correctable and wp.determinant(m) > real(SMALLEST_MOMENT):
                 rate -= wp.trace(flow * wp.inverse(m)) - wp.trace(flow)
         total = (real(1.0) + s_i) * rate
-        if wp.static(spec.density_diffusion):
+        if wp.static(diffuses):
             own = phases[0]
             total -= real(2.0) * density_diffusion * params.h * own.sound_speed * own.compressibility * evening
         total = total * params.g_norm
         if wp.static(carries):
             carried[i] = carry * (real(0.5) * params.g_norm)
             total += real(0.5) * params.g_norm * moved / real(clock[STEP])
-        if wp.static(spec.free_surface):
+        if wp.static(flow_part and not slow_part):
+            total += slow_rate[i]
+        if wp.static(spec.free_surface and flow_part):
             # with hardly a fluid neighbour a density below rest is memory, not tension, and would draw spray into walls
             if crowd * params.g_norm < real(sparse):
                 total = wp.max(total, -s_i / real(clock[STEP]))

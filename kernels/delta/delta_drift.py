@@ -10,7 +10,7 @@ from typing import Any
 
 import warp as wp
 
-from warpsph.kernels.core.clock import LAST_STEP, MAXIMA, RUNAWAY, STEP
+from warpsph.kernels.core.clock import EXCESS_PRESSURE, LAST_STEP, MAXIMA, RUNAWAY, STEP
 from warpsph.kernels.core.eos import make_eos
 from warpsph.kernels.core.params import LEAST_DENSITY, make_phase
 from warpsph.kernels.core.spec import Spec, types_of
@@ -50,6 +50,9 @@ def make_delta_drift(spec: Spec) -> Any:
         offset[i] = way
         position[i] = x
         midway[i] = anchor[i] + (way - real(0.5) * go)
+        if wp.static(spec.volume_constraint):
+            s = density_excess[i]
+            density_excess[i] = s + (real(1.0) + s) * real(clock[EXCESS_PRESSURE]) * phases[0].compressibility
         v2 = wp.dot(v, v)
         o2 = wp.dot(way, way)
         if v2 > maxima[slot * MAXIMA]:
@@ -104,3 +107,37 @@ def make_delta_state(spec: Spec) -> Any:
         state[i] = pair(eos(s, own.stiffness, own.gamma) + own.background, rest_volume[i] / (real(1.0) + s))
 
     return delta_state
+
+
+@functools.cache
+def make_delta_shift(spec: Spec) -> Any:
+    """Return the kernel that applies shift and volume constraint after the stages of Runge and Kutta."""
+    real, vec, _, _ = types_of(spec)
+    Phase = make_phase(spec.precision)
+    carries = spec.shift_form == "consistent"
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def delta_shift(
+        first: int,
+        clock: wp.array(dtype=wp.float64),
+        phases: wp.array(dtype=Phase),
+        shift: wp.array(dtype=vec),
+        carried: wp.array(dtype=vec),
+        anchor: wp.array(dtype=vec),
+        offset: wp.array(dtype=vec),
+        position: wp.array(dtype=vec),
+        velocity: wp.array(dtype=vec),
+        density_excess: wp.array(dtype=real),
+    ):
+        i = wp.tid() + first
+        if wp.static(spec.shifting):
+            way = offset[i] + shift[i]
+            offset[i] = way
+            position[i] = anchor[i] + way
+        if wp.static(carries):
+            velocity[i] = velocity[i] + carried[i]
+        if wp.static(spec.volume_constraint):
+            s = density_excess[i]
+            density_excess[i] = s + (real(1.0) + s) * real(clock[EXCESS_PRESSURE]) * phases[0].compressibility
+
+    return delta_shift

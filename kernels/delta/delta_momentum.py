@@ -24,14 +24,16 @@ from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, types_of
 from warpsph.kernels.core.time_signals import GRAVITY_NEXT, make_forcing
 from warpsph.kernels.core.viscosity import make_viscosity
 
+from .delta_contact import make_contact_of
+
 CROWDING = 0.2  # R of the shift, which keeps particles from pairing; its exponent is 4 (theory: delta#d3)
 THIN = 0.2  # least eigenvalue below which a moment is not inverted
 ALONE, WHOLE = 0.4, 0.75  # least eigenvalues up to which a particle is not shifted, and only along the surface
 
 
 @functools.cache
-def make_delta_momentum(spec: Spec) -> Any:
-    """Return the sweep that writes acceleration, pressure gradient, wholeness and shift."""
+def make_delta_momentum(spec: Spec, measuring: bool = True) -> Any:
+    """Return the sweep that writes acceleration, and with `measuring` pressure gradient, wholeness and shift too."""
     real, vec, mat, pair = types_of(spec)
     Params = make_params(spec.dimension, spec.precision)
     Phase = make_phase(spec.precision)
@@ -44,9 +46,13 @@ def make_delta_momentum(spec: Spec) -> Any:
     artificial_term = make_viscosity("radial", spec.dimension, spec.precision)
     least_eigenvalue = make_least_eigenvalue(spec.dimension, spec.precision)
     limit_shift = make_limit_shift(spec)
+    touch_of, braked = make_contact_of(spec)
     periodic = any(spec.periodic)
     reach = KERNELS[spec.kernel].support
-    measured = spec.density_diffusion or spec.free_surface  # the moment is needed
+    diffuses = spec.density_diffusion and measuring
+    shifts = spec.shifting and measuring
+    surface = spec.free_surface and measuring
+    measured = diffuses or surface  # the moment is needed
 
     @wp.kernel(module="unique", enable_backward=False, module_options=SWEEP_OPTIONS)
     def delta_momentum(
@@ -72,6 +78,8 @@ def make_delta_momentum(spec: Spec) -> Any:
         rest_volume: wp.array(dtype=real),
         mirror_velocity: wp.array(dtype=vec),
         slip: wp.array(dtype=wp.uint8),
+        wall_depth: wp.array(dtype=real),
+        wall_normal: wp.array(dtype=vec),
         wholeness_old: wp.array(dtype=real),
         wholeness: wp.array(dtype=real),
         pressure_gradient: wp.array(dtype=vec),
@@ -100,6 +108,11 @@ def make_delta_momentum(spec: Spec) -> Any:
         friction = vec()
         push = vec()  # sum of [1 + R (W/W(dx))^4] F V x_ij
         moment = mat()
+        into_wall = vec()  # sum F V x_ij over walls
+        nearest2 = params.spacing * params.spacing  # square of the distance to the nearest foot on a body
+        gap = params.spacing  # distance from the surface there
+        approach = real(0.0)
+        normal = vec()
         k = list_begin(i, list_width)
         step = list_step(particle_count)
         end = k + int(fluid_neighbours[i]) * step
@@ -116,7 +129,7 @@ def make_delta_momentum(spec: Spec) -> Any:
             even += fd
             if wp.static(measured):
                 moment -= wp.outer(d, fd)
-            if wp.static(spec.density_diffusion):
+            if wp.static(diffuses):
                 slope_p += (state_j[0] - p_i) * fd
             if wp.static(viscous):
                 friction += (own.viscosity * f) * viscous_term(vi - velocity[j], d, r2 + params.tiny, params.inv_h)
@@ -124,7 +137,7 @@ def make_delta_momentum(spec: Spec) -> Any:
                 friction += (artificial_viscosity * f) * artificial_term(
                     vi - velocity[j], d, r2 + params.tiny, params.inv_h
                 )
-            if wp.static(spec.shifting):
+            if wp.static(shifts):
                 near = shape(q) * shift_peak
                 push += (real(1.0) + real(CROWDING) * near * near * near * near) * fd
             if wp.static(spec.free_surface):
@@ -144,11 +157,22 @@ def make_delta_momentum(spec: Spec) -> Any:
                 fd = f * d
                 pressures += state_j[0] * fd
                 even += fd
+                if wp.static(spec.bodies):
+                    into_wall += fd
+                    n_w = wall_normal[j - fluid_count]
+                    depth = wall_depth[j - fluid_count]
+                    clear = wp.dot(d, n_w) - depth
+                    foot2 = r2 - depth * (real(2.0) * clear + depth)
+                    if foot2 < nearest2:
+                        nearest2 = foot2
+                        gap = clear
+                        normal = n_w
+                        approach = wp.dot(velocity[j] - vi, n_w)
                 if wp.static(measured):
                     moment -= wp.outer(d, fd)
-                if wp.static(spec.density_diffusion):
+                if wp.static(diffuses):
                     slope_p += (state_j[0] - p_i) * fd
-                if wp.static(spec.shifting):
+                if wp.static(shifts):
                     near = shape(q) * shift_peak
                     push += (real(1.0) + real(CROWDING) * near * near * near * near) * fd
                 if wp.static(viscous and (spec.bodies or spec.wall_no_slip)):
@@ -171,6 +195,12 @@ def make_delta_momentum(spec: Spec) -> Any:
             a += body_force_of(params, forcing)
         if wp.static(spec.central_force):
             a -= params.pull * (xi - params.center)
+        touch = real(0.0)
+        if wp.static(spec.bodies):
+            touch = touch_of(gap, params.spacing)
+            if touch > real(0.0):
+                stiff = real(2.0) * own.sound_speed * wp.length(into_wall) * g_norm
+                a = braked(a, approach, normal, touch, stiff, real(clock[STEP]))
         acceleration[i] = a
         a2 = wp.dot(a, a)
         if a2 > maxima[slot * MAXIMA + 1]:
@@ -179,17 +209,19 @@ def make_delta_momentum(spec: Spec) -> Any:
         if wp.static(measured):
             moment = moment * g_norm
             whole = least_eigenvalue(moment)
-        if wp.static(spec.free_surface):
+        if wp.static(surface):
             wholeness[i] = whole
-        if wp.static(spec.density_diffusion):
+        if wp.static(diffuses):
             gradient = slope_p * g_norm
             if whole > real(THIN):
                 gradient = wp.inverse(moment) * gradient
             pressure_gradient[i] = gradient
-        if wp.static(spec.shifting):
+        if wp.static(shifts):
             speed = wp.min(real(clock[SPEED]), shift_speed) * real(clock[STEP])
             dx = push * (-params.shifting * speed * params.h * g_norm)
             dx = limit_shift(dx, wp.min(real(0.5) * speed, params.shift_cap * params.h), whole, outward)
+            if wp.static(spec.bodies):
+                dx -= (touch * wp.min(wp.dot(dx, normal), real(0.0))) * normal
             shift[i] = dx
             s2 = wp.dot(dx, dx)
             if s2 > maxima[slot * MAXIMA + 3]:

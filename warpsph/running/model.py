@@ -406,7 +406,7 @@ class Model:
                 "take a gauge that reads the particles themselves"
             )
         scene = Scene(self.case, eos_of_run(self.case, self.physics.sound_speed))
-        staggered = self.scheme.staggered
+        staggered = self.scheme.staggered(self.physics.spec)
         self._sums = DeviceSums(self.particles, self.launcher, self.stepper.clock, scene, self.case.spacing, staggered)
         self._grown = self.particles.grown
         return self._sums

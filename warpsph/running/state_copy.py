@@ -133,7 +133,7 @@ class StateCopy:
             result[:nf] += arrays["offset"]
             if spec.moving:
                 result[nf:] = arrays["position"][nf:]
-        if name == "velocity" and model.scheme.staggered:
+        if name == "velocity" and model.scheme.staggered(spec):
             result[:nf] += 0.5 * self.dt * arrays["acceleration"].astype(np.float64)
         return result
 

@@ -35,7 +35,6 @@ class Scheme:
         usual_ratio: smoothing length over spacing that `auto` means otherwise, or None for that of the other schemes.
         skin: of the neighbour list, as share of the support radius, where the case says `auto`.
         shifts: particles are shifted whatever the pressure gradient is, for the estimate of memory.
-        staggered: velocities are half a step behind positions, as of a leapfrog.
         shown: names of fields that a snapshot carries in `own`, beside those of every scheme.
         work: names of arrays beside the fields that kernels ask for and that may be absent.
         kept: names of arrays beside the fields that a restart goes on from, where a run has them.
@@ -50,7 +49,6 @@ class Scheme:
     usual_ratio: float | None = None
     skin: float = 0.12
     shifts: bool = False
-    staggered: bool = False
     shown: tuple[str, ...] = ()
     work: frozenset[str] = frozenset()
     kept: tuple[str, ...] = ()
@@ -83,6 +81,10 @@ class Scheme:
     def program(self, spec: Spec, choices: Mapping[str, Any]) -> Program:
         """Return what runs for a structure and the choices of its `Physics`."""
         raise NotImplementedError
+
+    def staggered(self, spec: Spec) -> bool:
+        """Return whether velocities are half a step behind positions, as of a leapfrog."""
+        return False
 
     def absent(self, spec: Spec) -> list[Absent]:
         """Return what a step leaves out for a structure, and why."""

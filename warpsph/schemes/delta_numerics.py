@@ -47,10 +47,20 @@ class DeltaNumerics(NumericsBase):
         examples=["0"],
     )
     courant: Annotated[float | Auto, NumberRule(above=0, most=2, auto=True)] = Field(
-        default="auto", description="time step divided by h/(c + v). auto: 0.5", examples=["0.5"]
+        default="auto",
+        description="time step divided by h/(c + v). auto: 0.5, 0.25 with bodies; 1.25 with rk4",
+        examples=["0.5"],
     )
-    density_diffusion: Annotated[float, NumberRule(least=0, most=1)] = Field(
-        default=0.1, description="factor delta of the term that evens the density out", examples=["0.1"]
+    integrator: Annotated[Literal["auto", "leapfrog", "rk4"], ChoiceRule()] = Field(
+        default="auto",
+        description="leapfrog: two sweeps a step; rk4: Runge-Kutta, ten sweeps a step, nothing may depend on time. "
+        "auto: leapfrog (paper: rk4)",
+        examples=["auto"],
+    )
+    density_diffusion: Annotated[float | Auto, NumberRule(least=0, most=1, auto=True)] = Field(
+        default="auto",
+        description="factor delta of the term that evens the density out. auto: 0.1, 0.5 with bodies",
+        examples=["0.1"],
     )
     exact_divergence: Switch = Field(
         default="auto",
@@ -58,10 +68,15 @@ class DeltaNumerics(NumericsBase):
         "(paper: false)",
         examples=["true"],
     )
+    volume_constraint: Switch = Field(
+        default="auto",
+        description="keep the total volume of closed or periodic domains. auto: true there (paper: false)",
+        examples=["true"],
+    )
     tension_control: Switch = Field(
         default="auto",
-        description="pressure below zero acts by its differences, away from free surfaces, so that particles do not clump. "
-        "auto: true",
+        description="pressure below zero acts by its differences, away from free surfaces, so that particles do not clump; "
+        "pairs then exchange no momentum. auto: true with a free surface (paper: true)",
         examples=["true"],
     )
     artificial_viscosity: Annotated[float | Auto, NumberRule(least=0, most=1, auto=True)] = Field(

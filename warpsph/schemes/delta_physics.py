@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from warpsph.errors import CaseError, Problem
 from warpsph.kernels.core.smoothing import KERNELS
 from warpsph.kernels.core.spec import Spec
 from warpsph.scene.forcing import forcing_of
@@ -17,7 +18,10 @@ if TYPE_CHECKING:
     from warpsph.case.case import Case
     from warpsph.scene.geometry import Geometry
 
-COURANT = 0.5
+COURANT, RK4_COURANT = 0.5, 1.25
+DIFFUSION = 0.1
+# The pressure that walls take from a fit is not the adjoint of their part in the continuity sweep: noise there grows slowly.
+BODY_COURANT, BODY_DIFFUSION = 0.25, 0.5
 # A of the shift: 2 is that of Sun et al. 2017 and 2019, which leaves vortices that begin on a lattice disordered.
 SHIFTING, PRINTED_SHIFTING = 8.0, 2.0
 ALPHA = 0.02  # artificial viscosity of inviscid flow with a free surface (Antuono et al. 2010)
@@ -53,16 +57,30 @@ def derive(case: Case, geometry: Geometry, row_list: bool) -> Physics:
     )
     shift_form = choose("shift_form", "positions" if paper else "consistent", "printed form" if paper else "fields stay put")
     choose("unlock", 0.0, "not needed")
-    choose("courant", COURANT, "measured")
+    varying = forcing.varying_force or forcing.varying_sides or bool(forcing.tracks)
+    reason = "printed form" if paper and not varying else "as accurate, and faster"
+    rk4 = choose("integrator", "rk4" if paper and not varying else "leapfrog", reason) == "rk4"
+    if rk4 and varying:
+        rule = "does not know gravity, walls or bodies that depend on time"
+        raise CaseError([Problem("numerics.integrator", "rk4", rule, "write leapfrog, or auto")])
+    solid = bool(case.bodies)
+    reason = "half of the limit of rk4" if rk4 else "noise at bodies grows beyond" if solid else "a third of the limit"
+    choose("courant", RK4_COURANT if rk4 else BODY_COURANT if solid else COURANT, reason)
+    diffusion = choose("density_diffusion", BODY_DIFFUSION if solid else DIFFUSION, "of the scheme")
     exact = choose(
         "exact_divergence",
         filled and not paper,
         "printed form" if paper else "the fluid fills the domain" if filled else "a free surface",
     )
-    control = choose("tension_control", True, "particles under tension do not clump")
+    held = choose(
+        "volume_constraint",
+        filled and not paper,
+        "printed form" if paper else "holds the mean pressure of a full domain" if filled else "a free surface",
+    )
+    reason = "printed form" if paper else "pairs exchange momentum" if filled else "particles under tension do not clump"
+    control = choose("tension_control", paper or not filled, reason)
     alpha = choose("artificial_viscosity", 0.0 if filled else ALPHA, "no free surface" if filled else "a free surface")
     choose("skin", case.scheme.skin, "measured optimum of sweeps and rebuilds")
-    choices["density_diffusion"] = numerics.density_diffusion
     choices["kernel"] = numerics.kernel
     choices["maximum_step"] = numerics.maximum_step
 
@@ -93,10 +111,12 @@ def derive(case: Case, geometry: Geometry, row_list: bool) -> Physics:
         shifting=float(shifting) > 0,
         free_surface=not filled,
         scheme="delta_plus",
-        density_diffusion=numerics.density_diffusion > 0,
+        density_diffusion=float(diffusion) > 0,
         exact_divergence=bool(exact),
         tension_control=bool(control),
+        volume_constraint=bool(held),
         artificial_viscosity=choices["artificial"] > 0,
+        runge_kutta=rk4,
         shift_form=str(shift_form) if float(shifting) > 0 else "",
         row_list=row_list,
     )

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from warpsph.engine.program import Absent, BuildList, KeepList, Node, Program, Stage
+from warpsph.engine import integrators
+from warpsph.engine.program import Absent, BuildList, KeepList, Node, Program, Rarely, Stage
 from warpsph.kernels.core.clock import make_advance
 from warpsph.kernels.core.drive import make_move_sides, make_signals
 from warpsph.kernels.core.moving_bodies import make_move_bodies
@@ -10,12 +11,15 @@ from warpsph.kernels.core.poses import MIDDLE, NEXT
 from warpsph.kernels.core.spec import Spec
 from warpsph.kernels.core.surface_load import make_surface_load
 from warpsph.kernels.core.time_signals import depends_on_time
+from warpsph.kernels.core.updates import make_watch
 from warpsph.kernels.core.wall import make_wall
 from warpsph.kernels.core.wall_fit import make_wall_fit, make_wall_rows, make_wall_values
 from warpsph.kernels.delta.delta_continuity import make_delta_continuity
-from warpsph.kernels.delta.delta_drift import make_delta_drift, make_delta_state
+from warpsph.kernels.delta.delta_drift import make_delta_drift, make_delta_shift, make_delta_state
+from warpsph.kernels.delta.delta_fields import ADVANCED
 from warpsph.kernels.delta.delta_load import make_delta_load
 from warpsph.kernels.delta.delta_momentum import make_delta_momentum
+from warpsph.kernels.riemann.volume import make_volume
 
 
 def program(spec: Spec) -> Program:
@@ -28,6 +32,11 @@ def program(spec: Spec) -> Program:
 
 def step(spec: Spec) -> list[Node]:
     """Return the nodes of one time step, in order."""
+    return runge_kutta(spec) if spec.runge_kutta else leapfrog(spec)
+
+
+def leapfrog(spec: Spec) -> list[Node]:
+    """Return the nodes of a step of kick and drift, with one sweep for the density and one for the acceleration."""
     return [
         *signals(spec),
         *moving_sides(spec),
@@ -37,7 +46,36 @@ def step(spec: Spec) -> list[Node]:
         state(spec, closing=1),
         *bodies(spec, NEXT, closing=1),
         *walls(spec),
+        *volume(spec),
         momentum(spec),
+        advance(spec),
+        KeepList(),
+    ]
+
+
+def runge_kutta(spec: Spec) -> list[Node]:
+    """Return the nodes of a step of Runge and Kutta; diffusion and shift are taken at its start and held."""
+    offset, velocity, excess = ADVANCED
+    here = {"midway": "position"}
+    slow = make_delta_continuity(spec, flow_part=False)
+    flow = make_delta_continuity(spec, slow_part=False)
+    rates = [
+        state(spec, closing=0),
+        *walls(spec),
+        Stage("continuity", flow, "fluid", "rate of the density", fields=here),
+        Stage("acceleration", make_delta_momentum(spec, measuring=False), "fluid", "acceleration"),
+    ]
+    held = Stage("diffusion", slow, "fluid", "diffusion of the density", fields={**here, "density_rate": "slow_rate"})
+    settle = Stage("settle", make_delta_shift(spec), "fluid", "shift of the particles, mean pressure")
+    advanced = {"velocity": offset, "density_rate": excess, "acceleration": velocity}
+    return [
+        *integrators.rk4(spec, advanced, rates, [held]),
+        *([settle] if spec.shifting or spec.volume_constraint else []),
+        state(spec, closing=0),
+        *walls(spec),
+        *volume(spec),
+        momentum(spec),
+        Stage("watch", make_watch(spec), "fluid", "faults"),
         advance(spec),
         KeepList(),
     ]
@@ -54,6 +92,19 @@ def start(spec: Spec) -> list[Node]:
         *walls(spec),
         momentum(spec),
     ]
+
+
+def volume(spec: Spec) -> list[Node]:
+    """Return the stages that hold the volume of a closed domain, whose mean pressure nothing else holds."""
+    if not spec.volume_constraint:
+        return []
+    add, fold, close = make_volume(spec)
+    stages = [
+        Stage("volume", add, "blocks", "closed domain: mean pressure"),
+        Stage("volume_fold", fold, "folds", "adds up the parts of the volume"),
+        Stage("volume_close", close, "one", "closes the volume sum"),
+    ]
+    return [Rarely(stages)]
 
 
 def momentum(spec: Spec) -> Stage:
@@ -145,6 +196,8 @@ def absent(spec: Spec) -> list[Absent]:
         rows.append(Absent("tension control", "numerics.tension_control is false"))
     if not spec.shifting:
         rows.append(Absent("shift", "numerics.shifting is 0"))
+    if not spec.volume_constraint:
+        rows.append(Absent("volume", "a free surface, or numerics.volume_constraint is false"))
     if not spec.free_surface:
         rows.append(Absent("free surface", "the fluid fills the domain"))
     if not any(spec.periodic):

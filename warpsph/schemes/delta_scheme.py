@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from warpsph.scene.geometry import Geometry
     from warpsph.scene.physics import Physics
 
+RARE_WAY = 0.05  # way of the fastest particle, as share of h, after which the volume is looked at again
 SHIFT_CAP = 0.1  # longest shift of a step, in particle spacings
 
 
@@ -29,10 +30,13 @@ class DeltaScheme(Scheme):
     summary = "weakly compressible delta-plus-SPH, one phase"
     numerics = DeltaNumerics
     usual_ratio = 2.0
-    staggered = True
     shifts = True
     # the last of the wall stage, which knows schemes of two time levels
     work = frozenset({"load", "friction", "velocity_old", "phase"})
+
+    def staggered(self, spec: Spec) -> bool:
+        """Whether velocities are half a step behind: in the leapfrog, not with Runge-Kutta."""
+        return not spec.runge_kutta
 
     def check(self, case: Any) -> Iterator[Problem]:
         """Yield what the scheme cannot do: several phases, surface tension."""
@@ -51,9 +55,10 @@ class DeltaScheme(Scheme):
 
     def fields(self) -> Sequence[Field]:
         """Return the declarations of its fields."""
-        from warpsph.kernels.delta.delta_fields import DELTA_FIELDS
+        from warpsph.engine.integrators import work_fields
+        from warpsph.kernels.delta.delta_fields import ADVANCED, DELTA_FIELDS
 
-        return DELTA_FIELDS
+        return [*DELTA_FIELDS, *work_fields(ADVANCED)]
 
     def program(self, spec: Spec, choices: Mapping[str, Any]) -> Program:
         """Return what runs, see `delta_program`."""
@@ -98,7 +103,8 @@ class DeltaScheme(Scheme):
         }
 
     def set_clock(self, clock: np.ndarray, counters: np.ndarray, physics: Physics) -> None:
-        """Set the sound that limits the step."""
+        """Set the sound that limits the step, and when the volume is looked at again."""
         from warpsph.kernels.core import clock as ck
 
         clock[ck.SOUND] = max(physics.sound_speed)
+        clock[ck.RARE_LIMIT] = RARE_WAY * physics.h

@@ -30,7 +30,6 @@ class RiemannScheme(Scheme):
     summary = "weakly compressible Riemann SPH, any number of phases"
     numerics = RiemannNumerics
     printed_ratio = 1.25
-    staggered = True
     open_sides = True
     kept = ("side_memory", "site_ahead", "face_pressure", "face_velocity", "through")
     # the last of the wall stage, which knows schemes of two time levels
@@ -68,6 +67,10 @@ class RiemannScheme(Scheme):
         from warpsph.schemes import riemann_program
 
         return riemann_program.program(spec)
+
+    def staggered(self, spec: Spec) -> bool:
+        """Velocities are half a step behind."""
+        return True
 
     def absent(self, spec: Spec) -> list[Absent]:
         """Return what a step leaves out, and why."""
