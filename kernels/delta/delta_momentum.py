@@ -20,7 +20,7 @@ from warpsph.kernels.core.eigenvalue import make_least_eigenvalue
 from warpsph.kernels.core.pair import WRAPPED, list_access, separation_of
 from warpsph.kernels.core.params import make_params, make_phase
 from warpsph.kernels.core.smoothing import KERNELS, make_smoothing
-from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, types_of
+from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, types, types_of
 from warpsph.kernels.core.time_signals import GRAVITY_NEXT, make_forcing
 from warpsph.kernels.core.viscosity import make_viscosity
 
@@ -40,19 +40,16 @@ def make_delta_momentum(spec: Spec, measuring: bool = True) -> Any:
     shape, slope = make_smoothing(spec.kernel, spec.precision)
     separation = separation_of(spec)
     list_begin, list_step, neighbour, Listed = list_access(spec)
-    gravity_of, body_force_of = make_forcing(spec)
+    driving_force = make_driving_force(spec)
     viscous = spec.viscosity != "none"
     viscous_term = make_viscosity(spec.viscosity if viscous else "radial", spec.dimension, spec.precision)
     artificial_term = make_viscosity("radial", spec.dimension, spec.precision)
     least_eigenvalue = make_least_eigenvalue(spec.dimension, spec.precision)
-    limit_shift = make_limit_shift(spec)
-    touch_of, braked = make_contact_of(spec)
-    periodic = any(spec.periodic)
-    reach = KERNELS[spec.kernel].support
+    limit_shift, crowding = make_limit_shift(spec), make_crowding(spec.precision)
+    touch_of, braked, braked_by_cells, held_by_cells = make_contact_of(spec)
     diffuses = spec.density_diffusion and measuring
     shifts = spec.shifting and measuring
-    surface = spec.free_surface and measuring
-    measured = diffuses or surface  # the moment is needed
+    measured = diffuses or (spec.free_surface and measuring)  # the moment is needed
 
     @wp.kernel(module="unique", enable_backward=False, module_options=SWEEP_OPTIONS)
     def delta_momentum(
@@ -95,13 +92,13 @@ def make_delta_momentum(spec: Spec, measuring: bool = True) -> Any:
         own = phases[0]
         rho_i = own.density * rest_volume[i] / state[i][1]
         wrapped = bool(False)
-        if wp.static(periodic):
+        if wp.static(any(spec.periodic)):
             wrapped = (int(flags[i]) & WRAPPED) != 0
         whole_i = real(1.0)
         if wp.static(spec.free_surface):
             whole_i = wholeness_old[i]
         least = whole_i  # wholeness of the neighbourhood
-        outward = vec()  # sum F V x_ij (lambda_j - lambda_i)
+        inward = vec()  # sum F V x_ij (lambda_j - lambda_i)
         pressures = vec()  # sum p_j F V x_ij
         even = vec()  # sum F V x_ij, zero on an even arrangement
         slope_p = vec()  # sum of (p_j - p_i) F V x_ij
@@ -113,6 +110,10 @@ def make_delta_momentum(spec: Spec, measuring: bool = True) -> Any:
         gap = params.spacing  # distance from the surface there
         approach = real(0.0)
         normal = vec()
+        face_gap = vec(params.spacing)  # cells: clearance along each axis to the one straight ahead [m]
+        face_side = vec()  # whether that cell is above (-1) or below (1)
+        face_speed = vec()  # speed of that cell along the axis [m/s]
+        half_cell = vec(real(0.5) * params.spacing)
         k = list_begin(i, list_width)
         step = list_step(particle_count)
         end = k + int(fluid_neighbours[i]) * step
@@ -134,16 +135,13 @@ def make_delta_momentum(spec: Spec, measuring: bool = True) -> Any:
             if wp.static(viscous):
                 friction += (own.viscosity * f) * viscous_term(vi - velocity[j], d, r2 + params.tiny, params.inv_h)
             if wp.static(spec.artificial_viscosity):
-                friction += (artificial_viscosity * f) * artificial_term(
-                    vi - velocity[j], d, r2 + params.tiny, params.inv_h
-                )
+                friction += (artificial_viscosity * f) * artificial_term(vi - velocity[j], d, r2 + params.tiny, params.inv_h)
             if wp.static(shifts):
-                near = shape(q) * shift_peak
-                push += (real(1.0) + real(CROWDING) * near * near * near * near) * fd
+                push += crowding(shape(q) * shift_peak) * fd
             if wp.static(spec.free_surface):
-                if q < real(reach):
+                if q < real(wp.static(KERNELS[spec.kernel].support)):
                     least = wp.min(least, wholeness_old[j])
-                outward += (wholeness_old[j] - whole_i) * fd
+                inward += (wholeness_old[j] - whole_i) * fd
         if wp.static(spec.walls):
             end += int(wall_neighbours[i]) * step
             while k < end:
@@ -157,8 +155,17 @@ def make_delta_momentum(spec: Spec, measuring: bool = True) -> Any:
                 fd = f * d
                 pressures += state_j[0] * fd
                 even += fd
-                if wp.static(spec.bodies):
-                    into_wall += fd
+                into_wall += fd
+                if wp.static(not spec.bodies):
+                    beyond = wp.max(wp.abs(d) - half_cell, vec())
+                    for axis in range(wp.static(spec.dimension)):
+                        clear = wp.abs(d[axis]) - half_cell[axis]
+                        # the one that is straight ahead
+                        if wp.dot(beyond, beyond) == beyond[axis] * beyond[axis] and clear < face_gap[axis]:
+                            face_gap[axis] = clear
+                            face_side[axis] = wp.sign(d[axis])
+                            face_speed[axis] = velocity[j][axis]
+                else:
                     n_w = wall_normal[j - fluid_count]
                     depth = wall_depth[j - fluid_count]
                     clear = wp.dot(d, n_w) - depth
@@ -173,15 +180,14 @@ def make_delta_momentum(spec: Spec, measuring: bool = True) -> Any:
                 if wp.static(diffuses):
                     slope_p += (state_j[0] - p_i) * fd
                 if wp.static(shifts):
-                    near = shape(q) * shift_peak
-                    push += (real(1.0) + real(CROWDING) * near * near * near * near) * fd
+                    push += crowding(shape(q) * shift_peak) * fd
                 if wp.static(viscous and (spec.bodies or spec.wall_no_slip)):
                     rubs = bool(True)
                     if wp.static(not spec.bodies):
                         rubs = slip[j - fluid_count] == wp.uint8(0)
                     if rubs:
-                        mirror = mirror_velocity[j - fluid_count]
-                        friction += (own.viscosity * f) * viscous_term(vi - mirror, d, r2 + params.tiny, params.inv_h)
+                        slide = vi - mirror_velocity[j - fluid_count]
+                        friction += (own.viscosity * f) * viscous_term(slide, d, r2 + params.tiny, params.inv_h)
         g_norm = params.g_norm
         sign = real(1.0)
         if wp.static(spec.tension_control):
@@ -189,27 +195,23 @@ def make_delta_momentum(spec: Spec, measuring: bool = True) -> Any:
                 sign = real(-1.0)
             pressure_sign[i] = wp.int8(sign)
         a = (friction - pressures - (sign * p_i) * even) * (g_norm / rho_i)
-        if wp.static(spec.gravity):
-            a += gravity_of(params, forcing, GRAVITY_NEXT)
-        if wp.static(spec.body_force):
-            a += body_force_of(params, forcing)
-        if wp.static(spec.central_force):
-            a -= params.pull * (xi - params.center)
+        a += driving_force(xi, params, forcing)
         touch = real(0.0)
-        if wp.static(spec.bodies):
-            touch = touch_of(gap, params.spacing)
-            if touch > real(0.0):
-                stiff = real(2.0) * own.sound_speed * wp.length(into_wall) * g_norm
+        if wp.static(spec.walls):
+            stiff = real(2.0) * own.sound_speed * wp.length(into_wall) * g_norm
+            if wp.static(spec.bodies):
+                touch = touch_of(gap, params.spacing)
                 a = braked(a, approach, normal, touch, stiff, real(clock[STEP]))
+            else:
+                a = braked_by_cells(a, vi, face_gap, face_side, face_speed, params.spacing, stiff, real(clock[STEP]))
         acceleration[i] = a
-        a2 = wp.dot(a, a)
-        if a2 > maxima[slot * MAXIMA + 1]:
-            wp.atomic_max(maxima, slot * MAXIMA + 1, a2)
+        if wp.dot(a, a) > maxima[slot * MAXIMA + 1]:
+            wp.atomic_max(maxima, slot * MAXIMA + 1, wp.dot(a, a))
         whole = real(1.0)
         if wp.static(measured):
             moment = moment * g_norm
             whole = least_eigenvalue(moment)
-        if wp.static(surface):
+        if wp.static(spec.free_surface and measuring):
             wholeness[i] = whole
         if wp.static(diffuses):
             gradient = slope_p * g_norm
@@ -217,38 +219,75 @@ def make_delta_momentum(spec: Spec, measuring: bool = True) -> Any:
                 gradient = wp.inverse(moment) * gradient
             pressure_gradient[i] = gradient
         if wp.static(shifts):
-            speed = wp.min(real(clock[SPEED]), shift_speed) * real(clock[STEP])
-            dx = push * (-params.shifting * speed * params.h * g_norm)
-            dx = limit_shift(dx, wp.min(real(0.5) * speed, params.shift_cap * params.h), whole, outward)
+            way = wp.min(real(clock[SPEED]), shift_speed) * real(clock[STEP])
+            cap = wp.min(real(0.5) * way, params.shift_cap * params.h)
+            dx = limit_shift(push * (-params.shifting * way * params.h * g_norm), cap, whole, least, inward)
             if wp.static(spec.bodies):
                 dx -= (touch * wp.min(wp.dot(dx, normal), real(0.0))) * normal
+            elif wp.static(spec.walls):
+                dx = held_by_cells(dx, face_gap, face_side, params.spacing)
             shift[i] = dx
-            s2 = wp.dot(dx, dx)
-            if s2 > maxima[slot * MAXIMA + 3]:
-                wp.atomic_max(maxima, slot * MAXIMA + 3, s2)
+            if wp.dot(dx, dx) > maxima[slot * MAXIMA + 3]:
+                wp.atomic_max(maxima, slot * MAXIMA + 3, wp.dot(dx, dx))
 
     return delta_momentum
 
 
 @functools.cache
-def make_limit_shift(spec: Spec) -> Any:
-    """Return the `wp.func` limit_shift(dx, cap, whole, outward): a shift not longer than `cap` that leaves a surface alone.
+def make_driving_force(spec: Spec) -> Any:
+    """Return the `wp.func` driving_force(x, params, forcing) of gravity, body force and central force at a place [m/s^2]."""
+    vec = types_of(spec).vec
+    Params = make_params(spec.dimension, spec.precision)
+    gravity_of, body_force_of = make_forcing(spec)
 
-    whole: least eigenvalue of the moment; outward: any vector along its gradient. Between ALONE and WHOLE the shift goes
-    along the surface, below there is none.
+    @wp.func
+    def driving_force(x: vec, params: Params, forcing: wp.array(dtype=vec)):
+        a = vec()
+        if wp.static(spec.gravity):
+            a += gravity_of(params, forcing, GRAVITY_NEXT)
+        if wp.static(spec.body_force):
+            a += body_force_of(params, forcing)
+        if wp.static(spec.central_force):
+            a -= params.pull * (x - params.center)
+        return a
+
+    return driving_force
+
+
+@functools.cache
+def make_crowding(precision: str) -> Any:
+    """Return the `wp.func` crowding(w) = 1 + R w^4, w the smoothing kernel over that at a spacing."""
+    real = types(2, precision).real
+
+    @wp.func
+    def crowding(w: real):
+        return real(1.0) + real(CROWDING) * w * w * w * w
+
+    return crowding
+
+
+@functools.cache
+def make_limit_shift(spec: Spec) -> Any:
+    """Return the `wp.func` limit_shift(dx, cap, whole, least, inward): a shift of at most `cap` that leaves a surface alone.
+
+    whole: least eigenvalue of the moment, least: the least of the neighbourhood, inward: any vector along its gradient.
+    Between ALONE and WHOLE the shift goes along the surface, below there is none. Next to such particles it does not go
+    outwards: the fluid would swell row by row.
     """
     real, vec, _, _ = types_of(spec)
 
     @wp.func
-    def limit_shift(dx: vec, cap: real, whole: real, outward: vec):
+    def limit_shift(dx: vec, cap: real, whole: real, least: real, inward: vec):
         result = dx
         if wp.static(spec.free_surface):
             if whole < real(WHOLE):
-                size2 = wp.dot(outward, outward)
+                size2 = wp.dot(inward, inward)
                 if whole < real(ALONE) or size2 == real(0.0):
                     result = vec()
                 else:
-                    result = dx - outward * (wp.dot(dx, outward) / size2)
+                    result = dx - inward * (wp.dot(dx, inward) / size2)
+            elif least < real(WHOLE) and wp.dot(dx, inward) < real(0.0):
+                result = dx - inward * (wp.dot(dx, inward) / wp.dot(inward, inward))
         length = wp.length(result)
         if length > cap:
             result = result * (cap / length)

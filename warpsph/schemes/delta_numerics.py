@@ -32,7 +32,9 @@ class DeltaNumerics(NumericsBase):
         default="auto", description="smoothing length h divided by particle_spacing. auto: 2", examples=["2"]
     )
     shifting: Annotated[float | Auto, NumberRule(least=0, most=20, auto=True)] = Field(
-        default="auto", description="coefficient of particle shifting, 0 for none. auto: 8 (paper: 2)", examples=["8"]
+        default="auto",
+        description="coefficient of particle shifting, 0 for none. auto: 8, 2 with a free surface (paper: 2)",
+        examples=["8"],
     )
     shift_form: Annotated[Literal["auto", "positions", "consistent"], ChoiceRule()] = Field(
         default="auto",

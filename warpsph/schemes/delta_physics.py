@@ -52,8 +52,8 @@ def derive(case: Case, geometry: Geometry, row_list: bool) -> Physics:
     choose("smoothing_ratio", smoothing_ratio(case), "of the scheme")
     shifting = choose(
         "shifting",
-        PRINTED_SHIFTING if paper else SHIFTING,
-        "printed value" if paper else "keeps the particles evenly spaced",
+        SHIFTING if filled and not paper else PRINTED_SHIFTING,
+        "printed value" if paper else "breaks up the rows of strained particles" if filled else "more lifts free surfaces",
     )
     shift_form = choose("shift_form", "positions" if paper else "consistent", "printed form" if paper else "fields stay put")
     choose("unlock", 0.0, "not needed")
