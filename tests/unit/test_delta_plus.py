@@ -291,3 +291,20 @@ def test_three_dimensions():
 def test_what_the_scheme_cannot_do_is_refused(changes, told):
     with pytest.raises(CaseError, match=told):
         Case.from_dict({**TANK, **changes})
+
+
+@pytest.mark.parametrize("body", [False, True])
+def test_a_particle_beside_a_wall_is_stopped(body):
+    """One that flies at a floor, or a body, loses 40 % of its speed in a time dx/c when it touches, and never turns."""
+    spec = dataclasses.replace(BASE, viscosity="none", walls=True, free_surface=True, bodies=body)
+    floor = lattice((9, 4), SPACING, 0.0, 1, centre=False) - [0.0, 0.4]
+    given = dict(spacing=SPACING, ratio=2.0, fluids=(WATER,), width=120, walls=floor, values=NUMBERS)
+    for gap, stopped in ((0.01, True), (0.5, False)):
+        bench = Bench(spec, np.array([[0.45, gap * SPACING]]), velocity=[[0.0, -1.0]], **given)
+        if body:
+            bench.put("wall_depth", -floor[:, 1])
+            bench.put("wall_normal", [0.0, 1.0])
+        bench.set_clock(STEP=0.01)
+        bench.run(stage(spec, "momentum"))
+        speed = -1.0 + 0.01 * bench.get("acceleration")[0, 1]
+        assert (-0.6 < speed <= 0.0) if stopped else speed == -1.0
