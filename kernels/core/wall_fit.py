@@ -23,6 +23,7 @@ import warp as wp
 from .pair import list_access, separation_of
 from .params import make_params, make_phase
 from .poses import make_pose, make_velocity_at
+from .quadratic import LEAST_PIVOT
 from .smoothing import make_smoothing
 from .spec import SWEEP_OPTIONS, Spec, types_of
 from .time_signals import GRAVITY_NEXT, make_forcing
@@ -197,19 +198,28 @@ def make_wall_fit(spec: Spec, bent: bool = True) -> Any:
                 inverse = wp.inverse(square)
                 bend -= shear * (inverse * line_y)
                 bow -= shear * (inverse * line_s)
+                least_y = real(LEAST_PIVOT) * yyyy
+                least_s = real(LEAST_PIVOT) * ssss
                 yyyy -= wp.dot(line_y, inverse * line_y)
                 yyss -= wp.dot(line_y, inverse * line_s)
                 ssss -= wp.dot(line_s, inverse * line_s)
-                straight = shear * inverse
-                bend = (ssss * bend - yyss * bow) / (yyyy * ssss - yyss * yyss)
-                # along the wall alone: across it a bend is sound, which its mirror would make louder in each step
-                bend -= normal * wp.dot(bend, normal)
-                reach = real(2.0) * params.h
-                most = real(MOST_BEND) * wp.length(straight * normal)
-                if wp.length(bend) * reach > most:
-                    bend = bend * (most / (wp.length(bend) * reach))
-                bow = (bow - yyss * bend) / ssss
-                shear = straight - wp.outer(bend, inverse * line_y) - wp.outer(bow, inverse * line_s)
+                shear = shear * inverse
+                # what is left of y^2 beside the slopes and s^2
+                pivot = real(0.0)
+                if ssss > least_s:
+                    pivot = yyyy - yyss * yyss / ssss
+                if pivot > least_y:
+                    bend = (bend - (yyss / ssss) * bow) / pivot
+                    # along the wall alone: across it a bend is sound, which its mirror would make louder in each step
+                    bend -= normal * wp.dot(bend, normal)
+                    reach = real(2.0) * params.h
+                    most = real(MOST_BEND) * wp.length(shear * normal)
+                    if wp.length(bend) * reach > most:
+                        bend = bend * (most / (wp.length(bend) * reach))
+                    bow = (bow - yyss * bend) / ssss
+                    shear -= wp.outer(bend, inverse * line_y) + wp.outer(bow, inverse * line_s)
+                else:
+                    bend = vec()  # so few particles do not tell a bend from a slope
             else:
                 bend = vec()
                 nearest = real(NEAREST) * params.spacing

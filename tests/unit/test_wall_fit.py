@@ -101,3 +101,20 @@ def test_a_wall_without_friction_keeps_what_runs_along_it_and_turns_back_what_ru
     front = np.flatnonzero(first)[np.argmin(walls.normal[first, 0])]
     assert walls.mirrored[top, 0] == pytest.approx(1.0, abs=0.1)
     assert walls.mirrored[front, 0] < -0.2
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 4])
+@pytest.mark.parametrize("wall", ["no_slip", "free_slip"])
+def test_a_few_drops_before_a_wall_are_mirrored_within_their_speed(wall, count):
+    """As many particles as a fit has unknowns, or fewer, do not say how the velocity bends."""
+    walls = Continued(wall, linear_pressure, linear_velocity)
+    near = np.argsort(np.linalg.norm(walls.x[: walls.fluids] - [0.52, 0.70], axis=1))[:count]
+    gone = np.setdiff1d(np.arange(walls.fluids), near)
+    state, volume = walls.particles.get("state"), walls.particles.get("rest_volume")
+    state[gone, 1] = volume[gone] = 1.0e-30
+    walls.particles.put("state", state)
+    walls.particles.put("rest_volume", volume)
+    walls.run()
+    fastest = np.linalg.norm(linear_velocity(walls.x), axis=1).max()
+    assert np.isfinite(walls.mirrored).all() and np.isfinite(walls.pressure).all()
+    assert np.linalg.norm(walls.mirrored, axis=1).max() < 10.0 * fastest

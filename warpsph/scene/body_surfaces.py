@@ -141,14 +141,17 @@ def make_solids(
         for other in solids:
             inside |= other.surface.signed_distance(sampling.position) < 0.0
         sampling = sampling.only(~inside)
+        distance = _cell_distance(surface, lattice)
         if sampling.count == 0:
             rule = f"holds no particle of its own: it is outside the domain or inside another body (spacing {spacing:g} m)"
+            if (distance < 0.0).all():
+                rule = "leaves no room for fluid: it fills the whole domain"
             problems.append(Problem(path, body.shape.kind, rule, "move or enlarge it, or delete it"))
             continue
         filling = sampling.position
         if sampling.sheet.any():
             filling = layers_of(surface, spacing, layers).position
-        solids.append(Solid(surface, sampling, filling, _cell_distance(surface, lattice)))
+        solids.append(Solid(surface, sampling, filling, distance))
     return solids
 
 
