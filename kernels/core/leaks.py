@@ -1,9 +1,9 @@
 """Particles that are where no fluid can be: beyond a wall of the domain or inside a body.
 
-Inside a body is who is deeper than SUNK spacings behind the surface of all boundary particles that are about as near as the
-nearest: at an edge some of them have the surface of the other face before them. A row at rest stands half a spacing before
-the surface. Inside a body that is made of cells is who is nearer than INSIDE spacings to the centre of one: the corners of
-a staircase are no surface, and what slides round one may graze it.
+Inside a body is who is nearer than a spacing to one of its boundary particles, and deeper than SUNK spacings behind the
+surface of all that are about as near as the nearest: at an edge some of them have the surface of the other face before them.
+A row at rest stands half a spacing before the surface. Inside a body that is made of cells is who is nearer than INSIDE
+spacings to the centre of one: the corners of a staircase are no surface, and what slides round one may graze it.
 
 Beyond a wall is who is in the layers of its particles; where a side is open, fluid may come to lie beyond that over the rim.
 They are counted whenever the neighbour list is built: nothing gets through a wall without a way that asks for a new list.
@@ -144,7 +144,7 @@ def make_sunk(spec: Spec) -> Any:
             d = separation(position[i], position[j], True, params)
             if wall_body[j - wall_first] > side_walls and wp.length(d) < nearest + real(ABOUT) * params.spacing:
                 before = wp.max(before, wp.dot(d, wall_normal[j - wall_first]) - wall_depth[j - wall_first])
-        if before > real(-1.0e30) and before < real(-SUNK) * params.spacing:
+        if nearest < params.spacing and before < real(-SUNK) * params.spacing:
             own = int(0)
             if wp.static(spec.multiphase):
                 own = int(phase[i])

@@ -28,8 +28,10 @@ from .smoothing import make_smoothing
 from .spec import SWEEP_OPTIONS, Spec, types_of
 from .time_signals import GRAVITY_NEXT, make_forcing
 
-HALF_SPACE = {1: 0.07, 2: 0.019, 3: 0.0047}  # determinant of the spread of an even half space, over h^(2d) (Wendland C2)
-THIN = 0.05  # share of it below which the fluid before a foot is too thin for a fit; a right-angled corner has a quarter
+HALF_SPACE = {1: 0.069, 2: 0.055, 3: 0.044}  # 1/tr(spread^-1) of an even half space, h^2 (Wendland C2, h = 1.5 spacings)
+# Shares of it between which the fit is faded out: the fluid before the foot is too thin to say how its fields change through
+# it. Two rows have 0.97, a right-angled corner 0.62 (three sides: 0.49); a row that is 0.6 spacings thick 0.27, one row 0.
+THIN, WHOLE = 0.25, 0.45
 MOST_BEND = 0.5  # what the quadratic term may be of the linear one at a support: an unresolved layer is no parabola
 NEAREST = 0.25  # spacings: fluid nearer than that to the surface counts as at that distance, for the slope of its velocity
 
@@ -67,7 +69,7 @@ def make_wall_fit(spec: Spec, bent: bool = True) -> Any:
     gravity_of, body_force_of = make_forcing(spec)
     velocity_at = make_velocity_at(spec)
     Pose = make_pose()
-    thin = THIN * HALF_SPACE[spec.dimension]
+    half_space = HALF_SPACE[spec.dimension]
 
     @wp.kernel(module="unique", enable_backward=False, module_options=SWEEP_OPTIONS)
     def wall_fit(
@@ -181,20 +183,27 @@ def make_wall_fit(spec: Spec, bent: bool = True) -> Any:
             bend = bend * inv_weight
             bow = bow * inv_weight
             spread = square - wp.outer(mean, mean)
-            limit = real(thin)
-            for _axis in range(wp.static(spec.dimension)):
-                limit = limit * params.h * params.h
-            whole = wp.determinant(spread) > limit
+            even = real(half_space) * params.h * params.h
+            smallest = real(THIN) * even  # of a determinant: the spread is even * THIN at least along each direction
+            for _axis in range(wp.static(spec.dimension - 1)):
+                smallest = smallest * real(THIN) * even
+            trust = real(0.0)  # 1: a fit; 0: values and slopes along the normal alone
             inverse = mat()
-            if whole:
+            if wp.determinant(spread) > smallest:
                 inverse = wp.inverse(spread)
-                gradient = inverse * (slope_p * inv_weight - p * mean)
+                share = real(1.0) / (wp.trace(inverse) * even)
+                trust = wp.clamp((share - real(THIN)) / real(wp.static(WHOLE - THIN)), real(0.0), real(1.0))
+            inverse = inverse * trust
+            gradient = inverse * (slope_p * inv_weight - p * mean)
             p = p - wp.dot(gradient, mean)
             free = (shear - wp.outer(flow, mean)) * inverse  # of a fit that does not know the wall
-            if whole and wp.static(not bent):
+            nearest = real(NEAREST) * params.spacing
+            out = wp.max(wp.dot(normal, square * normal), nearest * nearest)
+            straight = wp.outer(shear * normal / out, normal)
+            if trust > real(0.0) and wp.static(not bent):
                 shear = shear * wp.inverse(square)
                 bend = vec()
-            elif whole:
+            elif trust > real(0.0):
                 inverse = wp.inverse(square)
                 bend -= shear * (inverse * line_y)
                 bow -= shear * (inverse * line_s)
@@ -220,11 +229,8 @@ def make_wall_fit(spec: Spec, bent: bool = True) -> Any:
                     shear -= wp.outer(bend, inverse * line_y) + wp.outer(bow, inverse * line_s)
                 else:
                     bend = vec()  # so few particles do not tell a bend from a slope
-            else:
-                bend = vec()
-                nearest = real(NEAREST) * params.spacing
-                out = wp.max(wp.dot(normal, square * normal), nearest * nearest)
-                shear = wp.outer(shear * normal / out, normal)
+            bend = bend * trust
+            shear = straight + (shear - straight) * trust
             if slips:
                 # along a wall without friction the fluid has its own velocity, and no shear stress: (S + S^T) n is along n
                 along = flow - free * mean
