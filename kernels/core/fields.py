@@ -50,11 +50,6 @@ def tails(spec: Spec) -> bool:
     return spec.tails
 
 
-def mixed(spec: Spec) -> bool:
-    """Runs with bodies in several fluids."""
-    return spec.bodies and spec.multiphase
-
-
 def moving_tails(spec: Spec) -> bool:
     """Runs with bodies that have thin tails, and bodies that move."""
     return spec.tails and spec.moving
@@ -162,8 +157,6 @@ FLOW: tuple[Field, ...] = (
     Field("surface_pressure", "real", "wall", False, bodies, "Pa", "of the fluid at the foot, for the first layer"),
     Field("surface_gradient", "vec", "wall", False, bodies, "Pa/m", "of the pressure there"),
     Field("surface_shear", "mat", "wall", False, bodies, "1/s", "velocity gradient there, [a, b] = d v_a / d x_b"),
-    Field("surface_mixed", "uint8", "wall", False, mixed, "-", "1 where several fluids are before the foot"),
-    Field("wall_mixed", "uint8", "wall", False, mixed, "-", "the same of the particle of the first layer at the foot"),
     Field("surface_velocity", "vec", "wall", False, bodies, "m/s", "of the fluid at the foot, for the first layer"),
     Field("surface_bend", "vec", "wall", False, bodies, "1/(m s)", "half the second derivative of v along the normal"),
     Field("mirror_velocity", "vec", "wall", True, depths, "m/s", "velocity that friction on the wall sees"),

@@ -97,7 +97,6 @@ def make_wall_fit(spec: Spec, bent: bool = True) -> Any:
         slip: wp.array(dtype=wp.uint8),
         surface_pressure: wp.array(dtype=real),
         surface_gradient: wp.array(dtype=vec),
-        surface_mixed: wp.array(dtype=wp.uint8),
         surface_velocity: wp.array(dtype=vec),
         surface_shear: wp.array(dtype=mat),
         surface_bend: wp.array(dtype=vec),
@@ -129,8 +128,6 @@ def make_wall_fit(spec: Spec, bent: bool = True) -> Any:
         ssss = real(0.0)
         bend = vec()  # sum w (v - v_w) y^2
         bow = vec()  # sum w (v - v_w) s^2
-        first_phase = int(127)
-        last_phase = int(-1)
         slips = bool(True)
         if wp.static(spec.wall_no_slip):
             slips = slip[w] != wp.uint8(0)
@@ -146,8 +143,6 @@ def make_wall_fit(spec: Spec, bent: bool = True) -> Any:
             own = int(0)
             if wp.static(spec.multiphase):
                 own = int(phase[j])
-                first_phase = wp.min(first_phase, own)
-                last_phase = wp.max(last_phase, own)
             rho = phases[own].density * rest_volume[j] / state_j[1]
             p_j = state_j[0] - rho * wp.dot(balanced, r)
             weight += w_j
@@ -246,8 +241,6 @@ def make_wall_fit(spec: Spec, bent: bool = True) -> Any:
         else:
             shear = mat()
             bend = vec()
-        if wp.static(spec.multiphase):
-            surface_mixed[w] = wp.uint8(wp.where(last_phase > first_phase, 1, 0))
         surface_pressure[w] = p
         surface_gradient[w] = gradient
         surface_velocity[w] = own_velocity
@@ -284,8 +277,6 @@ def make_wall_values(spec: Spec) -> Any:
         slip: wp.array(dtype=wp.uint8),
         surface_pressure: wp.array(dtype=real),
         surface_gradient: wp.array(dtype=vec),
-        surface_mixed: wp.array(dtype=wp.uint8),
-        wall_mixed: wp.array(dtype=wp.uint8),
         surface_velocity: wp.array(dtype=vec),
         surface_shear: wp.array(dtype=mat),
         surface_bend: wp.array(dtype=vec),
@@ -311,7 +302,5 @@ def make_wall_values(spec: Spec) -> Any:
                     own_velocity = velocity_at(own_velocity, arm, wall_body[w], body_motion, poses)
                 mirror = own_velocity - surface_shear[lead] * arm + surface_bend[lead] * (depth * depth)
         mirror_velocity[w] = mirror
-        if wp.static(spec.multiphase):
-            wall_mixed[w] = surface_mixed[lead]
 
     return wall_values
