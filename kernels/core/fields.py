@@ -45,6 +45,11 @@ def bodies(spec: Spec) -> bool:
     return spec.bodies
 
 
+def followed(spec: Spec) -> bool:
+    """Runs with bodies of a scheme with sound whose dissipation spares linear pressures, see `wall_fit`."""
+    return spec.bodies and spec.corrected and spec.scheme == "riemann"
+
+
 def tails(spec: Spec) -> bool:
     """Runs with bodies that have thin tails."""
     return spec.tails
@@ -156,6 +161,7 @@ FLOW: tuple[Field, ...] = (
     Field("row_of_wall", "int32", "wall", False, bodies, "-", "present row, among the walls, of each by its number"),
     Field("surface_pressure", "real", "wall", False, bodies, "Pa", "of the fluid at the foot, for the first layer"),
     Field("surface_gradient", "vec", "wall", False, bodies, "Pa/m", "of the pressure there"),
+    Field("surface_slope", "real", "wall", True, followed, "Pa/m", "part of it along the normal that follows slowly"),
     Field("surface_shear", "mat", "wall", False, bodies, "1/s", "velocity gradient there, [a, b] = d v_a / d x_b"),
     Field("surface_velocity", "vec", "wall", False, bodies, "m/s", "of the fluid at the foot, for the first layer"),
     Field("surface_bend", "vec", "wall", False, bodies, "1/(m s)", "half the second derivative of v along the normal"),

@@ -290,11 +290,29 @@ def make_side(spec: Spec) -> Any:
     """Return the kernel over the open sides: by how much what holds there differs from what is given, for sound to leave.
 
     Only the mean of a side is sound that goes out: single sites that let go of what is given would take every change of a
-    velocity profile for a pressure of Z times it. side_memory holds w_in and the mean given in the step before;
-    `beginning` = 1 sets it to what the fluid inside has.
+    velocity profile for a pressure of Z times it. side_memory holds w_in and what of it was known in the step before: 2 p or
+    -2 Z u_n, and beside a given pressure -Z times the velocity at which what comes in at the other side goes out here. Of a
+    flow that speeds up what is known need not come back by relaxation. `beginning` = 1 sets w_in to what the fluid inside
+    has, with that velocity.
     """
     Phase = make_phase(spec.precision)
     OpenSide = make_open_side(spec.dimension, spec.precision)
+
+    @wp.func
+    def flow_given(
+        open_sides: wp.array(dtype=OpenSide), site_open: wp.array(dtype=wp.uint8), site_arrival: wp.array(dtype=wp.vec3d)
+    ):
+        """Whether a side gives a velocity, and the sum of those that come in over its sites."""
+        known = bool(False)
+        total = wp.float64(0.0)
+        for i in range(open_sides.shape[0]):
+            side = open_sides[i]
+            if side.gives_velocity == 1:
+                known = True
+                for k in range(side.first_site, side.first_site + side.first_count * side.second_count):
+                    if site_open[k] == wp.uint8(1):
+                        total -= site_arrival[k][2]
+        return known, total
 
     @wp.kernel(module="unique", enable_backward=False)
     def side_state(
@@ -323,18 +341,24 @@ def make_side(spec: Spec) -> Any:
         z = wp.float64(phases[0].impedance)
         given = mean[2]
         going = mean[0] + z * mean[1]
-        coming = wp.float64(2.0) * given - going
-        per_given = wp.float64(2.0)
+        speed = mean[1]  # outwards, of the start
         if side.gives_velocity == 1:
             coming = going - wp.float64(2.0) * z * given
-            per_given = wp.float64(-2.0) * z
+            made = wp.float64(-2.0) * z * given
+        else:
+            coming = wp.float64(2.0) * given - going
+            made = wp.float64(2.0) * given
+            known, expected = flow_given(open_sides, site_open, site_arrival)
+            if known:
+                speed = expected / wp.max(count, wp.float64(1.0))
+                made -= z * speed
         if beginning == 1:
-            coming = mean[0] - z * mean[1]
+            coming = mean[0] - z * speed
         else:
             memory = side_memory[i]
-            held = memory[0] + per_given * (given - memory[1])
+            held = memory[0] + made - memory[1]
             coming = held + (coming - held) * (wp.float64(1.0) - wp.exp(-side.relaxation * clock[STEP]))
-        side_memory[i] = wp.vec2d(coming, given)
+        side_memory[i] = wp.vec2d(coming, made)
         value = wp.float64(0.5) * (going + coming)
         if side.gives_velocity == 1:
             value = wp.float64(0.5) * (going - coming) / z

@@ -54,6 +54,7 @@ def step(spec: Spec) -> list[Node]:
         *bodies(spec, MIDDLE, speed=1),
         Stage("kick_drift", make_kick_drift(spec), "fluid", "moves the particles"),
         *sides(spec),
+        *walls_ahead(spec),
         Stage("continuity", make_continuity(spec), "fluid", "density and pressure from star velocities"),
         *bodies(spec, NEXT, closing=1),
         *open_flow(spec),
@@ -202,17 +203,27 @@ def sides(spec: Spec) -> list[Stage]:
     return [Stage("interface_flow", make_interface_flow(spec), "fluid", "velocity on each side of the interfaces")]
 
 
-def walls(spec: Spec) -> list[Stage]:
-    """Return the stage that continues the flow into the walls."""
+def walls(spec: Spec, ahead: bool = False) -> list[Stage]:
+    """Return the stages that continue the flow into the walls; `ahead` of the continuity sweep it is for the velocities."""
     if not spec.walls:
         return []
     if spec.bodies:
+        fit = make_wall_fit(spec, followed=spec.corrected and not ahead)
         return [
             Stage("wall_rows", make_wall_rows(), "wall", "where the list build has put each wall particle"),
-            Stage("wall_fit", make_wall_fit(spec), "wall", "linear fit of the flow before the walls"),
+            Stage("wall_fit", fit, "wall", "linear fit of the flow before the walls"),
             Stage("wall_values", make_wall_values(spec), "wall", "pressure and mirrored velocity of the walls"),
         ]
     return [Stage("wall_state", make_wall(spec), "wall", "pressure and mirrored velocity of the walls")]
+
+
+def walls_ahead(spec: Spec) -> list[Stage]:
+    """Return the stages that give the continuity sweep wall velocities of the same moment as those of the fluid.
+
+    Those of the stages after it are a step old when the next one comes, which feeds sound that runs between two walls. The
+    conservative gradient has a dissipation that is more than that.
+    """
+    return walls(spec, ahead=True) if spec.bodies and spec.corrected else []
 
 
 def tension(spec: Spec) -> list[Stage]:
