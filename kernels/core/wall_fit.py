@@ -52,10 +52,10 @@ def make_wall_rows() -> Any:
 
 
 @functools.cache
-def make_wall_fit(spec: Spec, bent: bool = True) -> Any:
+def make_wall_fit(spec: Spec, across: bool = False) -> Any:
     """Return the kernel over wall particles that fits pressure and velocity of the fluid before the first layer.
 
-    bent: with the quadratic terms of the velocity; else q = c = 0.
+    across: the velocity bends across the wall too; else q has no part along the normal.
     """
     real, vec, mat, pair = types_of(spec)
     Params = make_params(spec.dimension, spec.precision)
@@ -190,10 +190,7 @@ def make_wall_fit(spec: Spec, bent: bool = True) -> Any:
                 gradient = inverse * (slope_p * inv_weight - p * mean)
             p = p - wp.dot(gradient, mean)
             free = (shear - wp.outer(flow, mean)) * inverse  # of a fit that does not know the wall
-            if whole and wp.static(not bent):
-                shear = shear * wp.inverse(square)
-                bend = vec()
-            elif whole:
+            if whole:
                 inverse = wp.inverse(square)
                 bend -= shear * (inverse * line_y)
                 bow -= shear * (inverse * line_s)
@@ -202,8 +199,9 @@ def make_wall_fit(spec: Spec, bent: bool = True) -> Any:
                 ssss -= wp.dot(line_s, inverse * line_s)
                 straight = shear * inverse
                 bend = (ssss * bend - yyss * bow) / (yyyy * ssss - yyss * yyss)
-                # along the wall alone: across it a bend is sound, which its mirror would make louder in each step
-                bend -= normal * wp.dot(bend, normal)
+                if wp.static(not across):
+                    # of a compressed fluid a bend across the wall is sound, which its mirror makes louder in each step
+                    bend -= normal * wp.dot(bend, normal)
                 reach = real(2.0) * params.h
                 most = real(MOST_BEND) * wp.length(straight * normal)
                 if wp.length(bend) * reach > most:
