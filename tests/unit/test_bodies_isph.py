@@ -195,3 +195,23 @@ def test_dam_break_onto_a_cylinder(wall: str, viscosity: float) -> None:
     assert (np.linalg.norm(x - [1.8, 0.3], axis=1) > 0.2).all()
     energy = (0.5 * (v**2).sum(axis=1) + 9.81 * x[:, 1]).mean()
     assert energy < 9.81 * 0.5  # what it began with
+
+
+def test_closed_box_at_rest() -> None:
+    """Without a surface the pressure is known up to a constant, and the solves of a fluid at rest begin at their end."""
+    model = run(
+        {
+            **TANK,
+            "domain": {"lower": [0, 0], "upper": [1, 1], "boundary": {"x": "wall", "y": "wall"}},
+            "fluids": [{"phase": "water", "shape": "rest"}],
+            "bodies": {"cylinder": {"shape": {"sphere": {"center": [0.52, 0.43], "radius": 0.15}}}},
+            "start": {"noise": 0.1},
+        },
+        0.2,
+    )
+    solves = model.stepper.levels[0].systems.report()
+    assert solves["failures"] == 0
+    assert solves["worst_iterations"] <= 10
+    force = model.wall_forces()["wall_force_y cylinder"]
+    assert force == pytest.approx(1000.0 * 9.81 * math.pi * 0.15**2, rel=1e-3)
+    assert np.abs(model.particles.get("velocity")).max() < 1e-5
