@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from warpsph.case.case import Case
+from warpsph.errors import CaseError
 from warpsph.running.model import Model
 
 DRAG = {0.1: 24.83, 0.4: 217.89}  # K = F/(mu U) of the square array (Sangani & Acrivos 1982), by solid fraction
@@ -215,3 +216,34 @@ def test_closed_box_at_rest() -> None:
     force = model.wall_forces()["wall_force_y cylinder"]
     assert force == pytest.approx(1000.0 * 9.81 * math.pi * 0.15**2, rel=1e-3)
     assert np.abs(model.particles.get("velocity")).max() < 1e-5
+
+
+def standing(lower: list, upper: list, wall: str, **numerics: object) -> dict:
+    """Return a case of water at rest around a box in a tank 2 m wide, 20 spacings a metre."""
+    return {
+        **TANK,
+        "particle_spacing": 1.0 / 20,
+        "domain": {**TANK["domain"], "upper": [2, 1.2]},
+        "phases": {"water": {"density": 1000.0, "viscosity": 1.0 if wall == "no_slip" else 0.0}},
+        "fluids": [{"phase": "water", "shape": {"box": {"lower": [0, 0], "upper": [2, 0.8]}}}],
+        "bodies": {"box": {"shape": {"box": {"lower": lower, "upper": upper}}, "wall": wall}},
+        "numerics": {"scheme": "isph", **numerics},
+    }
+
+
+@pytest.mark.parametrize("wall", ["no_slip", "free_slip"])
+@pytest.mark.parametrize(
+    ("lower", "upper", "most"),
+    # of whole cells: to rounding; one that cuts cells: at most a hundredth of the speed of a wave
+    [([0.9, 0.0], [1.3, 0.4], 1e-5), ([0.82, 0.0], [1.23, 0.41], 0.01), ([0.0, 0.0], [0.43, 0.41], 0.01)],
+)
+def test_a_body_that_stands_on_a_side(lower: list, upper: list, wall: str, most: float) -> None:
+    model = run(standing(lower, upper, wall), 0.5)
+    assert model.leaks()[0]["water"] == 0
+    assert np.abs(model.particles.get("velocity")).max() < most * math.sqrt(9.81 * 0.8)
+
+
+def test_the_conservative_gradient_is_refused_beside_a_body_that_cuts_cells() -> None:
+    with pytest.raises(CaseError) as caught:
+        Model(Case.from_dict({**standing([0.82, 0.2], [1.23, 0.61], "no_slip", formulation="paper"), "end_time": 1.0}))
+    assert [problem.path for problem in caught.value.problems] == ["numerics.pressure_gradient"]

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from warpsph.errors import CaseError, Problem
 from warpsph.kernels.core.smoothing import KERNELS, make_smoothing
 from warpsph.kernels.core.spec import Spec
 from warpsph.scene.forcing import forcing_of
@@ -130,7 +131,14 @@ def derive(case: Case, geometry: Geometry, row_list: bool) -> Physics:
         reason = f"explicit friction allows steps of {explicit:.3g} s, all else of {longest:.3g} s"
     implicit = choose("implicit_viscosity", viscous and not paper and WORTH * explicit < longest, reason)
     implicit = viscous and bool(implicit)
-    bodies = bool(geometry.cut) or bool(forcing.tracks)  # those of whole cells mirror the fluid cell by cell
+    # Of whole cells and at rest they can mirror the fluid cell by cell. That is for the conservative gradient, which has no
+    # other pressure of theirs, and for thin ones, beside which the fit leaks.
+    fitted = geometry.surface is not None and gradient == "corrected" and geometry.stout
+    bodies = fitted or bool(geometry.cut) or bool(forcing.tracks)
+    if bodies and gradient != "corrected":
+        rule = "has no pressure of bodies that cut cells of the lattice or move"
+        remedy = "write corrected, or make the bodies of whole cells that stay where they are"
+        raise CaseError([Problem("numerics.pressure_gradient", str(gradient), rule, remedy)])
     if viscous and not implicit:
         cap["viscosity"] = explicit
     elif implicit and bodies:
