@@ -63,10 +63,10 @@ def make_wall_rows() -> Any:
 
 
 @functools.cache
-def make_wall_fit(spec: Spec, bent: bool = True, followed: bool = False) -> Any:
+def make_wall_fit(spec: Spec, across: bool = False, followed: bool = False) -> Any:
     """Return the kernel over wall particles that fits pressure and velocity of the fluid before the first layer.
 
-    bent: with the quadratic terms of the velocity; else q = c = 0.
+    across: the velocity bends across the wall too; else q has no part along the normal.
     followed: the slope of the pressure along the normal follows the fit, by the time of one step; else it is that of it.
     """
     real, vec, mat, pair = types_of(spec)
@@ -212,10 +212,7 @@ def make_wall_fit(spec: Spec, bent: bool = True, followed: bool = False) -> Any:
             nearest = real(NEAREST) * params.spacing
             out = wp.max(wp.dot(normal, square * normal), nearest * nearest)
             straight = wp.outer(shear * normal / out, normal)
-            if trust > real(0.0) and wp.static(not bent):
-                shear = shear * wp.inverse(square)
-                bend = vec()
-            elif trust > real(0.0):
+            if trust > real(0.0):
                 inverse = wp.inverse(square)
                 bend -= shear * (inverse * line_y)
                 bow -= shear * (inverse * line_s)
@@ -231,8 +228,9 @@ def make_wall_fit(spec: Spec, bent: bool = True, followed: bool = False) -> Any:
                     pivot = yyyy - yyss * yyss / ssss
                 if pivot > least_y:
                     bend = (bend - (yyss / ssss) * bow) / pivot
-                    # along the wall alone: across it a bend is sound, which its mirror would make louder in each step
-                    bend -= normal * wp.dot(bend, normal)
+                    if wp.static(not across):
+                        # of a compressed fluid a bend across the wall is sound, which its mirror makes louder in each step
+                        bend -= normal * wp.dot(bend, normal)
                     reach = real(2.0) * params.h
                     most = real(MOST_BEND) * wp.length(shear * normal)
                     if wp.length(bend) * reach > most:

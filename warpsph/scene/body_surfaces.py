@@ -41,12 +41,14 @@ class Solid:
     filling: (m, d), particles that fill its layers once, m: fluid is arranged beside them
     distance: of the middle of each cell of the lattice from the surface, m, negative in the body; infinite two spacings and
         more beyond the box around the shape
+    stout: it has no thin tail, nor would have one if it went on into the wall that it ends on
     """
 
     surface: Surface
     sampling: Sampling
     filling: NDArray[np.float64]
     distance: NDArray[np.float64]
+    stout: bool
 
     def on_lattice(self, spacing: float) -> bool:
         """Whether the surface runs between cells of the lattice wherever it is."""
@@ -89,10 +91,10 @@ def surface_of(case: Case, body: Body, low: NDArray[np.float64], high: NDArray[n
 def rooted(case: Case, body: Body, lattice: Lattice, support: float) -> Body:
     """A body whose box ends on a wall of the domain, gone on into the wall: no fluid is before the face that is there.
 
-    support: reach of the smoothing kernel, m; the box goes on twice as far. Beyond a side that mirrors there is nothing.
+    support: reach of the smoothing kernel, m; the box goes on twice as far.
     """
     box = body.shape.box
-    if box is None or body.hollow or case.scheme.mirrors_sides:
+    if box is None or body.hollow:
         return body
     lower, upper = list(box.lower), list(box.upper)
     for k, (sides, spacing) in enumerate(zip(case.sides, lattice.spacing, strict=True)):
@@ -102,6 +104,22 @@ def rooted(case: Case, body: Body, lattice: Lattice, support: float) -> Body:
             upper[k] = max(upper[k], lattice.upper[k] + 2.0 * support)
     grown = box.model_copy(update={"lower": tuple(lower), "upper": tuple(upper)})
     return body.model_copy(update={"shape": body.shape.model_copy(update={"box": grown})})
+
+
+def with_images(sampling: Sampling, case: Case, lattice: Lattice, support: float) -> Sampling:
+    """The boundary particles of a body and their images beyond the sides of the domain that mirror the fluid.
+
+    Beside a body that ends on such a side the images of the fluid would leave its place free beyond the side. An image has
+    no area and the leader of its particle.
+
+    support: reach of the smoothing kernel, m; the images are as deep.
+    """
+    for k, sides in enumerate(case.sides):
+        for side, plane in ((sides.lower, lattice.lower[k]), (sides.upper, lattice.upper[k])):
+            near = np.flatnonzero(np.abs(sampling.position[:, k] - plane) < support)
+            if side.kind == "wall" and len(near):
+                sampling = sampling.reflected(near, k, plane)
+    return sampling
 
 
 def make_solids(
@@ -137,6 +155,11 @@ def make_solids(
             problems.append(thin)
             continue
         sampling = sample(surface, spacing, layers, low.tolist(), high.tolist())
+        stout = not sampling.sheet.any()
+        if case.scheme.mirrors_sides and not stout:
+            # a tail that stands on a mirror would need lines of sight to its images
+            surface = surface_of(case, body, low, high)
+            sampling = sample(surface, spacing, layers, low.tolist(), high.tolist())
         inside = np.zeros(sampling.count, dtype=np.bool_)
         for other in solids:
             inside |= other.surface.signed_distance(sampling.position) < 0.0
@@ -151,7 +174,9 @@ def make_solids(
         filling = sampling.position
         if sampling.sheet.any():
             filling = layers_of(surface, spacing, layers).position
-        solids.append(Solid(surface, sampling, filling, distance))
+        if case.scheme.mirrors_sides and stout and body.motion is None:
+            sampling = with_images(sampling, case, lattice, support)
+        solids.append(Solid(surface, sampling, filling, distance, stout))
     return solids
 
 

@@ -33,7 +33,7 @@ def program(spec: Spec) -> Program:
     measures: dict[str, list[Node]] = {}
     if spec.bodies:
         measures["wall_load"] = [
-            Stage("wall_fit", make_wall_fit(spec), "wall", "wall-force gauge: quadratic fit of the velocity"),
+            Stage("wall_fit", make_wall_fit(spec, across=True), "wall", "wall-force gauge: fit of pressure and velocity"),
             Stage("surface_load", make_surface_load(spec), "wall", "wall-force gauge"),
         ]
     return Program(
@@ -140,7 +140,7 @@ def continued(spec: Spec, field: str) -> list[Stage]:
         return []
     fields = {"velocity": field}
     return [
-        Stage("wall_fit", make_wall_fit(spec, False), "wall", "linear fit of the flow before the bodies", fields=fields),
+        Stage("wall_fit", make_wall_fit(spec, across=True), "wall", "fit of the flow before the bodies", fields=fields),
         Stage("wall_values", make_wall_values(spec), "wall", "the flow continued into the bodies", fields=fields),
     ]
 
