@@ -1,4 +1,4 @@
-"""Inlets and outlets of a run with the Riemann scheme: kernel arguments, and room for the particles that come."""
+"""Inlets and outlets of a run of any scheme: kernel arguments, and room for the particles that come."""
 
 from __future__ import annotations
 
@@ -79,6 +79,7 @@ def arguments(found: OpenRun, case: Case, geometry: Geometry, physics: Physics, 
         "site_pressure": array(sites("pressure"), real),
         "site_open": array(sites("free"), wp.uint8),
         "sponge_velocity": array(sites("sponge_velocity"), vec),
+        "given_velocity": wp.zeros(found.sites, dtype=vec, device=device),
         "site_arrival": wp.zeros(found.sites, dtype=wp.vec3d, device=device),
         "side_memory": wp.zeros(len(faces), dtype=wp.vec2d, device=device),
         "side_excess": wp.zeros(len(faces), dtype=wp.float64, device=device),
@@ -114,7 +115,8 @@ def _sides(
         row.depth = face.layers * lattice.spacing[face.axis]
         row.reach = physics.support
         row.gives_velocity = int(face.gives_velocity)
-        row.relaxation = face.flow.relaxation * sound / (high - low) if face.flow.waves == "leave" else 0.0
+        leaves = physics.acoustic > 0 and face.flow.waves == "leave"
+        row.relaxation = face.flow.relaxation * sound / (high - low) if leaves else 0.0
         first, second = face.across
         row.first_site, row.first_axis, row.second_axis = site, first, second
         row.first_count, row.second_count = face.count
@@ -140,11 +142,13 @@ def flow_rates(case: Case, geometry: Geometry, physics: Physics, bindings: Any) 
     that of the particles that have crossed it since the start, counted whenever a neighbour list is made.
     """
     phase = case.phases[case.phase_names[0]]
-    stiffness = phase.density * physics.sound_speed[0] ** 2 / phase.gamma
     pressure = bindings["face_pressure"].numpy()[:, 0].astype(np.float64)
     velocity = bindings["face_velocity"].numpy().astype(np.float64)
     through = bindings["through"].numpy().reshape(-1, 2)
-    density = phase.density * np.power(1.0 + (pressure - phase.background_pressure) / stiffness, 1.0 / phase.gamma)
+    density = np.full(len(pressure), phase.density)
+    if physics.acoustic > 0:
+        stiffness = phase.density * physics.sound_speed[0] ** 2 / phase.gamma
+        density *= np.power(1.0 + (pressure - phase.background_pressure) / stiffness, 1.0 / phase.gamma)
     rates, site = {}, 0
     for number, face in enumerate(make_faces(case, geometry, physics.support, float(physics.choices["skin"]))):
         here = np.arange(site, site + len(face.position))[face.free]
