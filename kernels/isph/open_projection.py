@@ -27,26 +27,62 @@ from warpsph.kernels.core.weights import make_weights
 
 
 @functools.cache
-def make_row_way(spec: Spec) -> Any:
-    """Return the kernel over the sites of open sides that takes the way of their rows in the coming step down."""
-    vec = types_of(spec).vec
+def make_rows(spec: Spec) -> tuple[Any, Any]:
+    """Return the kernels (over the sites, over the fluid) that say how fast rows move in the coming step.
+
+    The speed of a site is extrapolated to the middle of the step, as `advect` does with that of the fluid: rows whose way
+    is that of another rule leave gaps where the flow speeds up. `site_ahead` goes down by it.
+    """
+    real, vec, _, _ = types_of(spec)
     OpenSide = make_open_side(spec.dimension, spec.precision)
+    time_weights, site_at = make_weights(spec.second_order), make_site_at(spec)
     axis = spec.open_axis
 
     @wp.kernel(module="unique", enable_backward=False)
-    def row_way(
+    def site_way(
         first: int,
         clock: wp.array(dtype=wp.float64),
         open_sides: wp.array(dtype=OpenSide),
         site_side: wp.array(dtype=int),
         face_velocity: wp.array(dtype=vec),
+        face_before: wp.array(dtype=vec),
+        site_speed: wp.array(dtype=real),
         site_ahead: wp.array(dtype=wp.float64),
     ):
         k = wp.tid() + first
+        v = face_velocity[k][axis]
+        v += (v - face_before[k][axis]) * real(wp.float64(0.5) * time_weights(clock)[3])
+        site_speed[k] = v
         side = open_sides[site_side[k]]
-        site_ahead[k] = site_ahead[k] - wp.float64(face_velocity[k][axis] * side.outward) * clock[STEP]
+        site_ahead[k] = site_ahead[k] - wp.float64(v * side.outward) * clock[STEP]
 
-    return row_way
+    @wp.kernel(module="unique", enable_backward=False)
+    def row_way(
+        first: int,
+        open_sides: wp.array(dtype=OpenSide),
+        site_open: wp.array(dtype=wp.uint8),
+        site_speed: wp.array(dtype=real),
+        position: wp.array(dtype=vec),
+        zone: wp.array(dtype=wp.int8),
+        row_speed: wp.array(dtype=real),
+    ):
+        i = wp.tid() + first
+        which = int(zone[i]) - BUFFER
+        if which < 0:
+            return
+        side = open_sides[which]
+        total = real(0.0)
+        v = real(0.0)
+        for corner in range(4):
+            k, weight = site_at(position[i], side, corner)
+            if site_open[k] == wp.uint8(1):
+                total += weight
+                v += weight * site_speed[k]
+        if wp.abs(total) > real(LEAST_WEIGHT):
+            v /= total
+        row_speed[i] = v
+
+    return site_way, row_way
 
 
 @functools.cache
@@ -145,11 +181,13 @@ def make_side_velocity(spec: Spec) -> Any:
         state: wp.array(dtype=pair),
         zone: wp.array(dtype=wp.int8),
         face_velocity: wp.array(dtype=vec),
+        face_before: wp.array(dtype=vec),
         face_stretch: wp.array(dtype=real),
     ):
         k = wp.tid() + first
         side = open_sides[site_side[k]]
         face_stretch[k] = real(0.0)
+        face_before[k] = face_velocity[k]
         if side.gives_velocity == 1 and beginning == 0:
             face_velocity[k] = given_velocity[k]
             return
@@ -163,6 +201,8 @@ def make_side_velocity(spec: Spec) -> Any:
                 v = vec()  # what comes in across a side of given pressure comes in straight
                 v[axis] = along
         face_velocity[k] = v
+        if beginning == 1:
+            face_before[k] = v
 
     return side_velocity
 
@@ -228,7 +268,7 @@ def make_buffer_pressure(spec: Spec) -> Any:
 def make_buffer_velocity(spec: Spec) -> Any:
     """Return the kernel that gives the buffers the velocity of the sites at the end of the step.
 
-    All move at the velocity across the side: only what the fluid sees of them has a slope. What has come in starts without a
+    Only what the fluid sees of them has a slope, not the way that they go (`make_rows`). What has come in starts without a
     divergence left over.
     """
     real, vec, _, _ = types_of(spec)
@@ -251,7 +291,6 @@ def make_buffer_velocity(spec: Spec) -> Any:
         acceleration: wp.array(dtype=vec),
         dilation: wp.array(dtype=real),
         dilation_old: wp.array(dtype=real),
-        row_speed: wp.array(dtype=real),
     ):
         i = wp.tid() + first
         which = int(zone[i]) - BUFFER
@@ -271,7 +310,6 @@ def make_buffer_velocity(spec: Spec) -> Any:
         if wp.abs(total) > real(LEAST_WEIGHT):
             v /= total
             stretch /= total
-        row_speed[i] = v[axis]
         v[axis] = v[axis] + stretch * wp.min(beyond(x, side, axis), side.reach)
         old = velocity[i]
         if beginning == 1:

@@ -24,7 +24,7 @@ from warpsph.kernels.isph.open_projection import (
     make_buffer_pressure,
     make_buffer_velocity,
     make_open_source,
-    make_row_way,
+    make_rows,
     make_rows_outside,
     make_side_given,
     make_side_pressure,
@@ -142,7 +142,12 @@ def move(spec: Spec) -> list[Stage]:
     """Return the stage before the neighbour list of the step."""
     stages = [Stage("advect", make_advect(spec), "fluid", "moves the particles; the list is built after it")]
     if spec.open_axis >= 0:
-        stages.append(Stage("row_way", make_row_way(spec), "site_side", "rows that follow at inlets"))
+        sites, rows = make_rows(spec)
+        before = [
+            Stage("site_way", sites, "site_side", "rows that follow at inlets"),
+            Stage("row_way", rows, "fluid", "speed of the rows beyond inlets and outlets"),
+        ]
+        stages = [*before, *stages]
     return [*bodies(spec), *stages]
 
 
@@ -318,7 +323,7 @@ def absent(spec: Spec) -> list[Absent]:
     if spec.second_order:
         rows.append(Absent("settle", "BDF2 moves the particles with both velocities before the solve"))
     if spec.open_axis < 0:
-        names = "row_way, side_given, buffer_given, open_source, side_pressure, side_velocity, crossing"
+        names = "site_way, row_way, side_given, buffer_given, open_source, side_pressure, side_velocity, crossing"
         rows.append(Absent(names, "no side of the domain is an inlet or an outlet"))
     if not any(spec.periodic):
         rows.append(Absent("periodic images", "no periodic axis"))

@@ -38,7 +38,7 @@ class IsphScheme(Scheme):
     open_sides = True
     # the last one is that of wall impacts, of which births know
     work = frozenset({"load", "friction", "wall_impact"})
-    kept = ("site_ahead", "face_pressure", "face_velocity", "through")
+    kept = ("site_ahead", "face_pressure", "face_velocity", "face_before", "through")
 
     def check(self, case: Any) -> Iterator[Problem]:
         """Yield what the scheme cannot do: several phases, tension, forces on walls, sound, a tolerance out of reach."""
