@@ -268,8 +268,7 @@ def make_buffer_pressure(spec: Spec) -> Any:
 def make_buffer_velocity(spec: Spec) -> Any:
     """Return the kernel that gives the buffers the velocity of the sites at the end of the step.
 
-    Only what the fluid sees of them has a slope, not the way that they go (`make_rows`). What has come in starts without a
-    divergence left over.
+    Only what the fluid sees of them has a slope, not the way that they go (`make_rows`).
     """
     real, vec, _, _ = types_of(spec)
     OpenSide = make_open_side(spec.dimension, spec.precision)
@@ -289,8 +288,6 @@ def make_buffer_velocity(spec: Spec) -> Any:
         velocity: wp.array(dtype=vec),
         velocity_old: wp.array(dtype=vec),
         acceleration: wp.array(dtype=vec),
-        dilation: wp.array(dtype=real),
-        dilation_old: wp.array(dtype=real),
     ):
         i = wp.tid() + first
         which = int(zone[i]) - BUFFER
@@ -317,8 +314,6 @@ def make_buffer_velocity(spec: Spec) -> Any:
         velocity_old[i] = old
         velocity[i] = v
         acceleration[i] = vec()
-        dilation[i] = real(0.0)
-        dilation_old[i] = real(0.0)
 
     return buffer_velocity
 

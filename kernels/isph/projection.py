@@ -196,7 +196,7 @@ def make_predict(spec: Spec) -> Any:
     ):
         i = wp.tid() + first
         if wp.static(spec.open_axis >= 0):
-            if int(zone[i]) != FLUID:
+            if int(zone[i]) == NOBODY:
                 return
         unknown[i] = pressure[i]  # the surface stage looks at the pressure around while it writes some
         xi = position[i]
@@ -302,6 +302,9 @@ def make_predict(spec: Spec) -> Any:
                 if spread[i] > real(wp.static(0.9 * dimension)):
                     viscous_sum = (viscous_sum - real(2.0) * linear) * (real(dimension) / spread[i])
             a += viscous_sum * (phases[0].viscosity / phases[0].density * g_norm)
+        if wp.static(spec.open_axis >= 0):
+            if int(zone[i]) != FLUID:
+                return  # its velocity is given or comes from inside
         new = v_now * real(weights[0]) - v_old * real(weights[1])
         velocity_star[i] = new + a * real(weights[2] * clock[STEP])
 
