@@ -278,10 +278,10 @@ def make_buffer_velocity(spec: Spec) -> Any:
     @wp.kernel(module="unique", enable_backward=False)
     def buffer_velocity(
         first: int,
-        beginning: int,
         open_sides: wp.array(dtype=OpenSide),
         site_open: wp.array(dtype=wp.uint8),
         face_velocity: wp.array(dtype=vec),
+        face_before: wp.array(dtype=vec),
         face_stretch: wp.array(dtype=real),
         position: wp.array(dtype=vec),
         zone: wp.array(dtype=wp.int8),
@@ -297,20 +297,22 @@ def make_buffer_velocity(spec: Spec) -> Any:
         x = position[i]
         total = real(0.0)
         v = vec()
+        old = vec()
         stretch = real(0.0)
         for corner in range(4):
             k, weight = site_at(x, side, corner)
             if site_open[k] == wp.uint8(1):
                 total += weight
                 v += weight * face_velocity[k]
+                old += weight * face_before[k]
                 stretch += weight * face_stretch[k]
         if wp.abs(total) > real(LEAST_WEIGHT):
             v /= total
+            old /= total
             stretch /= total
-        v[axis] = v[axis] + stretch * wp.min(beyond(x, side, axis), side.reach)
-        old = velocity[i]
-        if beginning == 1:
-            old = v
+        way = stretch * wp.min(beyond(x, side, axis), side.reach)
+        v[axis] = v[axis] + way
+        old[axis] = old[axis] + way
         velocity_old[i] = old
         velocity[i] = v
         acceleration[i] = vec()

@@ -102,7 +102,7 @@ def test_an_inlet_that_opens_at_once_starts_all_of_the_flow(device):
 
 
 def test_a_flow_that_changes_its_direction_follows_its_signal(device):
-    """Both sides let fluid in and out: u = cos(2 pi t/3), p' = rho 2 pi/3 sin; mass is that of the start and what crossed."""
+    """Fluid comes and goes at both sides: u = cos(2 pi t/3), dp/dx = rho 2 pi/3 sin; mass adds up."""
     ramp = {"velocity": [1, 0], "ramp": "cos(2*pi*t/3)"}
     model = prepared(scene(THROUGH, {INLET: ramp, "start.velocity": [1, 0]}), device)
     start = model.snapshot().fluid.mass.sum()
@@ -162,6 +162,44 @@ def test_weight_along_the_sides_is_no_flow(device):
     np.testing.assert_allclose(fluid.pressure, 9.81 * (1.0 - fluid.position[:, 1]), atol=1e-3 * 9.81)
 
 
+def test_velocities_given_at_both_ends(device):
+    """From rest to a uniform flow; the pressure has no mean. A parabola that other sites sample has the same flow."""
+    ramp = {"inlet": {"velocity": [1, 0], "ramp": "minimum(t, 1)"}}
+    model = prepared(scene(THROUGH, {LOWER: ramp, UPPER: ramp, "start.noise": 0.1}), device)
+    fluid = run(model, 0.5)
+    np.testing.assert_allclose(fluid.velocity[:, 0], 0.5, atol=2e-3)
+    assert np.polyfit(fluid.position[:, 0], fluid.pressure, 1)[0] == pytest.approx(-2.0, rel=0.01)
+    assert abs(fluid.pressure.mean()) < 1e-6
+    totals = model.stepper.systems.report()
+    assert totals["failures"] == 0 and totals["worst_iterations"] < 20
+    step = scene(THROUGH, {LOWER: {"inlet": {"velocity": ["1 + 0.001*y", 0]}}, UPPER: {"inlet": {"velocity": [1, 0]}}})
+    model = Model(step, device=device, threads=1)
+    faces = open_run.open_run(step, model.geometry, model.physics).faces
+    assert faces[1].velocity[:, 0].sum() == pytest.approx(faces[0].velocity[:, 0].sum(), rel=1e-12)
+
+
+def test_real_water_with_a_signal_and_a_wall_without_friction(device):
+    """10 mm of water over a floor, free-slip above, 1.6 spacings a boundary layer; the pressure swings once in 2 s."""
+    height, length, nu, rho, swing = 0.01, 0.04, 1.0e-6, 1000.0, 0.01 * np.pi
+    drop = {"inlet": {"pressure": rho * swing * length, "ramp": "sin(pi*t)"}}
+    changes = {
+        "particle_spacing": height / 20, "domain.upper": [length, height], "scales.velocity": 0.02, LOWER: drop,
+        "domain.boundary.y": {"lower": "wall", "upper": "free_slip"}, "start.velocity": [0, 0],
+        "phases.water": {"density": rho, "viscosity": nu * rho},
+    }  # fmt: skip
+    model = prepared(scene(CHANNEL, changes), device)
+    fluid = run(model, 1.0)
+    # u_t = swing sin(pi t) + nu u_yy from rest, u = sum of b_k(t) sin(w_k y), w_k = (k + 1/2) pi/height
+    w = (np.arange(400) + 0.5) * np.pi / height
+    rate = nu * w**2
+    growth = (np.pi * np.exp(-rate) + np.pi) / (rate**2 + np.pi**2)  # integral of exp(-rate (1 - s)) sin(pi s) to t = 1
+    exact = (2.0 * swing / (height * w) * growth) @ np.sin(np.outer(w, fluid.position[:, 1]))
+    assert np.sqrt(((fluid.velocity[:, 0] - exact) ** 2).mean()) < 0.015 * 0.02
+    assert np.abs(fluid.velocity[:, 1]).max() < 0.01 * 0.02
+    rates = model.flow_rates()
+    assert rates["flow x_lower"] == pytest.approx(-rates["flow x_upper"], rel=0.005)
+
+
 # runs --------------------------------------------------------------------------------------------------------------
 
 
@@ -206,10 +244,13 @@ def test_keys_about_sound_are_refused(key, value):
 
 
 def test_what_a_run_cannot_do_is_told():
-    """A free surface, and bodies that cut cells or move."""
+    """A free surface, more that goes out than comes in, bodies that cut cells."""
     half = [{"phase": "water", "shape": {"box": {"lower": [0, 0], "upper": [1, 0.4]}}}]
     with pytest.raises(CaseError, match="has to fill it"):
         Model(scene(THROUGH, {"fluids": half}), device="cpu", threads=1)
+    uneven = {LOWER: {"inlet": {"velocity": [1, 0]}}, UPPER: {"inlet": {"velocity": [1.5, 0]}}}
+    with pytest.raises(CaseError, match=r"x\.upper\.inlet\.velocity: .*more than comes in"):
+        Model(scene(THROUGH, uneven), device="cpu", threads=1)
     disc = {"disc": {"shape": {"sphere": {"center": [1.5, 0.5], "radius": 0.22}}}}
     with pytest.raises(CaseError, match=r"bodies\.disc\.shape.*cuts cells"):
         Model(scene(CHANNEL, {"bodies": disc}), device="cpu", threads=1)

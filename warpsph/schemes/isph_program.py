@@ -206,7 +206,7 @@ def open_velocity(spec: Spec, beginning: int = 0) -> list[Stage]:
     start = {"beginning": beginning}
     return [
         Stage("side_velocity", make_side_velocity(spec), "site_side", "velocity of inlets and outlets", start),
-        Stage("buffer_velocity", make_buffer_velocity(spec), "fluid", "the same beyond them", start),
+        Stage("buffer_velocity", make_buffer_velocity(spec), "fluid", "the same beyond them"),
     ]
 
 

@@ -36,6 +36,7 @@ class IsphScheme(Scheme):
     skin = 0.001  # the list is made anew in every step
     shifts = True
     open_sides = True
+    free_pressure = True
     # the last one is that of wall impacts, of which births know
     work = frozenset({"load", "friction", "wall_impact"})
     kept = ("site_ahead", "face_pressure", "face_velocity", "face_before", "through")
@@ -155,10 +156,13 @@ class IsphScheme(Scheme):
 
     def systems(self, case: Any, geometry: Geometry, physics: Physics) -> Callable[[Level], Systems]:
         """Return what makes matrix and solvers of a level."""
+        from warpsph.scene.open_faces import open_sides
         from warpsph.schemes.isph_systems import IsphSystems
 
         choices = physics.choices
+        given = any(flow.given_velocity is None for _, _, _, flow in open_sides(case))
         options = {
+            "singular": not (physics.spec.free_surface or given),
             "method": choices["solver"],
             "preconditioner": choices["preconditioner"],
             "tolerance": choices["tolerance"],

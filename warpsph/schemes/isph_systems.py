@@ -25,7 +25,8 @@ class IsphSystems:
 
     Args:
         level: particles and list that they belong to.
-        options: method, preconditioner, tolerance, maximum_iterations; lower, upper, spacing [m] of the multigrid.
+        options: method, preconditioner, tolerance, maximum_iterations; singular: nothing gives the pressure; lower, upper,
+            spacing [m] of the multigrid.
     """
 
     written = frozenset({"unknown"})
@@ -43,8 +44,7 @@ class IsphSystems:
             preconditioner=self._preconditioner(),
             tolerance=options["tolerance"],
             max_iterations=options["maximum_iterations"],
-            # where a side gives the pressure is found out by the solver
-            singular=not spec.free_surface and spec.open_axis < 0,
+            singular=options["singular"],
         )
         self.viscous_solver: LinearSolver | None = None
         if spec.implicit_viscosity:

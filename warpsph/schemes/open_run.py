@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from warpsph.scene.open_faces import Face, fill_sites, make_faces, signal_samples
+from warpsph.errors import MISSING, CaseError, Problem
+from warpsph.scene.open_faces import Face, factors_of, fill_sites, make_faces, signal_samples
 
 if TYPE_CHECKING:
     from warpsph.case.case import Case
@@ -16,6 +17,12 @@ if TYPE_CHECKING:
 
 ROOM = 1.1
 """Room for particles over those of the start: what flows in takes about the place of what flows out."""
+
+OFF = 0.02
+"""Share by which flows may differ that are meant to be the same: a parabola on five sites has 2 % too much."""
+
+ROUNDING = 1.0e-9
+"""Of the largest flow, what two that are the same may differ by."""
 
 FINER = 10.0
 """Samples of a signal in a step that sound does not limit: a kink of a ramp is rounded by less than a tenth of a step."""
@@ -41,9 +48,39 @@ class OpenRun:
 
 
 def open_run(case: Case, geometry: Geometry, physics: Physics) -> OpenRun:
-    """Return the open sides of a case whose particles are known. Raises CaseError as `make_faces`."""
+    """Return the open sides of a case whose particles are known. Raises CaseError as `make_faces` and `balance`."""
     faces = make_faces(case, geometry, physics.support, float(physics.choices["skin"]))
+    if physics.acoustic == 0 and all(face.gives_velocity for face in faces):
+        balance(faces, case.end_time)
     return OpenRun(faces, *fill_sites(faces, geometry.lattice))
+
+
+def balance(faces: list[Face], end_time: float) -> None:
+    """Make what goes out of sides that all give a velocity what comes in, by a factor on that of the last one.
+
+    An incompressible fluid that fills the domain has no other flow. The factor makes up for profiles that are sampled at the
+    sites; with it the right-hand side of the pressure equation adds up to nothing, but for what particles that are not even
+    leave, and the solver takes its mean out.
+
+    Raises CaseError: the sides differ by more than OFF, or not by the same factor at all times.
+    """
+    times = np.linspace(0.0, end_time, 1001)
+    flows = [float(face.outward * face.velocity[face.free, face.axis].sum()) * factors_of(face, times) for face in faces]
+    out, last = np.sum(flows, axis=0), flows[-1]
+    most = max(float(np.abs(flow).max()) for flow in flows)
+    if most == 0.0:
+        return
+    at = int(np.abs(last).argmax())
+    share = 1.0 - float(out[at]) / float(last[at]) if last[at] != 0.0 else np.inf
+    if abs(share - 1.0) > OFF or float(np.abs(out + (share - 1.0) * last).max()) > ROUNDING * most:
+        worst = int(np.abs(out).argmax())
+        path = f"domain.boundary.{'xyz'[faces[-1].axis]}.{('lower', 'upper')[faces[-1].end]}.inlet.velocity"
+        rule = (
+            f"lets out {100.0 * float(out[worst]) / most:+.3g} % more than comes in at t = {times[worst]:.4g} s, where an "
+            "incompressible fluid fills the domain"
+        )
+        raise CaseError([Problem(path, MISSING, rule, "give both sides the same flow and ramp, or make one outlet: {}")])
+    faces[-1].velocity *= share
 
 
 def room(found: OpenRun, fluid_count: int) -> int:
