@@ -244,13 +244,15 @@ def test_keys_about_sound_are_refused(key, value):
 
 
 def test_what_a_run_cannot_do_is_told():
-    """A free surface, more that goes out than comes in, bodies that cut cells."""
+    """A free surface, more that goes out than comes in, the conservative gradient, bodies that cut cells."""
     half = [{"phase": "water", "shape": {"box": {"lower": [0, 0], "upper": [1, 0.4]}}}]
     with pytest.raises(CaseError, match="has to fill it"):
         Model(scene(THROUGH, {"fluids": half}), device="cpu", threads=1)
     uneven = {LOWER: {"inlet": {"velocity": [1, 0]}}, UPPER: {"inlet": {"velocity": [1.5, 0]}}}
     with pytest.raises(CaseError, match=r"x\.upper\.inlet\.velocity: .*more than comes in"):
         Model(scene(THROUGH, uneven), device="cpu", threads=1)
+    with pytest.raises(CaseError, match=r"numerics\.pressure_gradient: conservative .*corrected"):
+        Model(scene(THROUGH, {"numerics.formulation": "paper"}), device="cpu", threads=1)
     disc = {"disc": {"shape": {"sphere": {"center": [1.5, 0.5], "radius": 0.22}}}}
     with pytest.raises(CaseError, match=r"bodies\.disc\.shape.*cuts cells"):
         Model(scene(CHANNEL, {"bodies": disc}), device="cpu", threads=1)

@@ -69,11 +69,18 @@ def _slides(case: Case) -> bool:
     return any(end.kind == "wall" and end.wall == "free_slip" for axis in case.sides for end in (axis.lower, axis.upper))
 
 
-def _check_open(case: Case, geometry: Geometry, filled: bool) -> None:
-    """Refuse what inlets and outlets do not go with: a free surface, bodies that cut cells or move. Raises CaseError."""
+def _check_open(case: Case, geometry: Geometry, filled: bool, gradient: str) -> None:
+    """Refuse what inlets and outlets do not go with. Raises CaseError.
+
+    These are a free surface, bodies that cut cells or move, and the conservative gradient, which throws particles about
+    where rows come in beside a disordered fluid.
+    """
     if not case.has_flow_through:
         return
     problems = []
+    if gradient != "corrected":
+        rule = "makes a flow through inlets and outlets unstable"
+        problems.append(Problem("numerics.pressure_gradient", gradient, rule, "write pressure_gradient: corrected"))
     if not filled:
         rule = "leave room in the domain; with inlets or outlets the fluid has to fill it"
         problems.append(Problem("fluids", MISSING, rule, "add {phase: ..., shape: rest} at the end"))
@@ -94,7 +101,6 @@ def derive(case: Case, geometry: Geometry, row_list: bool) -> Physics:
     assert isinstance(numerics, IsphNumerics)
     paper = numerics.formulation == "paper"
     filled = not has_room(case, geometry)
-    _check_open(case, geometry, filled)
     forcing = forcing_of(case)
     phase = case.phases[case.phase_names[0]]
     choices: dict[str, Any] = {}
@@ -108,6 +114,7 @@ def derive(case: Case, geometry: Geometry, row_list: bool) -> Physics:
         return choices[key]
 
     gradient = choose("pressure_gradient", "conservative" if paper else "corrected", "exact for a linear pressure")
+    _check_open(case, geometry, filled, str(gradient))
     form = choose("viscosity_form", "morris" if paper or filled else "radial", "right damping at a free surface")
     choose("smoothing_ratio", smoothing_ratio(case), "least noise")
     shifting = choose("shifting", 16.0, "keeps the particles evenly spaced")
