@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 from warpsph.case.case import Case
+from warpsph.engine.program import Stage
 from warpsph.errors import CaseError
 from warpsph.kernels.core import clock as ck
 from warpsph.kernels.core.fields import BUFFER, FLUID
+from warpsph.kernels.isph.open_projection import make_rows_outside
 from warpsph.running.model import Model
 from warpsph.schemes import open_run
 
@@ -99,6 +101,12 @@ def test_an_inlet_that_opens_at_once_starts_all_of_the_flow(device):
     assert model.steps == 1
     np.testing.assert_allclose(fluid.velocity, np.broadcast_to([1.0, 0.0], fluid.velocity.shape), atol=2e-5)
     np.testing.assert_allclose(fluid.pressure, 200.0 * (1.0 - fluid.position[:, 0]), atol=0.02)
+
+
+def test_a_ramp_ends_when_it_says(device):
+    """Samples are a tenth of a step apart, so that the kink is rounded by a hundredth of what the ramp changes."""
+    model = prepared(scene(THROUGH, {INLET: {"velocity": [1, 0], "ramp": "minimum(t/0.5, 1)"}}), device)
+    np.testing.assert_allclose(run(model, 0.5).velocity[:, 0], 1.0, atol=0.015)
 
 
 def test_a_flow_that_changes_its_direction_follows_its_signal(device):
@@ -231,6 +239,21 @@ def test_results_do_not_depend_on(device, kind, monkeypatch):
             np.testing.assert_array_equal(values[kept], second[name][kept], err_msg=name)
         else:
             np.testing.assert_array_equal(values, second[name], err_msg=name)
+
+
+def test_rows_without_fluid_are_out_of_the_equations(device):
+    """Buffers and rows that no particle has: identity, whatever was there; those of the fluid stay."""
+    model = prepared(scene(CHANNEL), device)
+    model.stepper.run(100.0, 2)
+    bindings, level = model.stepper.bindings, model.stepper.levels[0]
+    for name, value in (("matrix_counts", 3), ("matrix_diagonal", 7.0), ("source", 5.0)):
+        bindings[name].fill_(value)
+    level.task(Stage("rows_outside", make_rows_outside(level.spec), "matrix_diagonal", "")).run()
+    fluid = bindings["zone"].numpy() == FLUID
+    assert 0 < fluid.sum() < len(fluid) > model.particles.fluid_count
+    np.testing.assert_array_equal(bindings["matrix_counts"].numpy(), np.where(fluid, 3, 0))
+    np.testing.assert_array_equal(bindings["matrix_diagonal"].numpy(), np.where(fluid, 7.0, 1.0))
+    np.testing.assert_array_equal(bindings["source"].numpy(), np.where(fluid, 5.0, 0.0))
 
 
 # cases -------------------------------------------------------------------------------------------------------------
