@@ -160,6 +160,19 @@ def test_poiseuille_flow_goes_through(device, inlet, error, flow):
     assert rates["flow x_upper"] == pytest.approx(-rates["flow x_lower"], abs=0.003)
 
 
+def test_flow_past_a_body(device):
+    """A box on the floor, of whole cells: births know nothing of walls here, and what comes in goes out."""
+    box = {"box": {"shape": {"box": {"lower": [1, 0], "upper": [1.4, 0.3]}}}}
+    model = prepared(scene(CHANNEL, {"bodies": box}), device)
+    start = model.snapshot().fluid.mass.sum()
+    fluid = run(model, 2.0)
+    masses = model.stepper.bindings["through"].numpy()
+    assert masses[0] == pytest.approx(2.0, rel=0.05)
+    assert fluid.mass.sum() == pytest.approx(start + through(model), rel=2e-6)
+    assert fluid.mass.sum() == pytest.approx(start, rel=0.02)  # a row of one spacing is 3 %
+    assert fluid.velocity[np.abs(fluid.position[:, 0] - 1.2) < 0.2, 0].max() > 1.5
+
+
 def test_weight_along_the_sides_is_no_flow(device):
     """Fluid at rest under gravity between two open sides that give its pressure, walls below and above."""
     weight = {"pressure": "9.81*(1 - y)"}

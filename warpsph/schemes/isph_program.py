@@ -9,7 +9,6 @@ import dataclasses
 
 from warpsph.engine.program import Absent, BuildList, Node, Program, Solve, Stage, Substeps
 from warpsph.kernels.core.clock import make_advance
-from warpsph.kernels.core.crossing import BLOCKS, make_births, make_crossing, make_fill
 from warpsph.kernels.core.drive import make_signals
 from warpsph.kernels.core.moving_bodies import make_move_bodies
 from warpsph.kernels.core.poses import NEXT
@@ -34,6 +33,7 @@ from warpsph.kernels.isph.pressure import make_accept, make_assemble, make_corre
 from warpsph.kernels.isph.projection import make_advect, make_predict, make_settle
 from warpsph.kernels.isph.regularise import make_regularise
 from warpsph.kernels.isph.surface import make_surface
+from warpsph.schemes.open_stages import crossing, fill
 
 # Solves of the first step: the pressure equation refers to the last pressure gradient, which is not known yet.
 FIRST_PASSES = 8  # each leaves a tenth of the error
@@ -149,33 +149,6 @@ def move(spec: Spec) -> list[Stage]:
         ]
         stages = [*before, *stages]
     return [*bodies(spec), *stages]
-
-
-def fill(spec: Spec) -> list[Stage]:
-    """Return the stages that fill the buffers of inlets and outlets."""
-    if spec.open_axis < 0:
-        return []
-    write, count = make_fill(spec)
-    return [
-        Stage("fill_buffers", write, "fill_zone", "particles beyond inlets and outlets"),
-        Stage("count_buffers", count, "one", "counts them in"),
-    ]
-
-
-def crossing(spec: Spec) -> list[Stage]:
-    """Return the stages that let particles in and out, before a list is made."""
-    if spec.open_axis < 0:
-        return []
-    count, place, write = make_births(spec)
-    cross, count_in = make_crossing(spec)
-    blocks = BLOCKS[spec.row_list]
-    return [
-        Stage("births", count, blocks, "rows of the inlets that go on"),
-        Stage("births_place", place, "one", "is there room for them"),
-        Stage("births_write", write, blocks, "new particles of these rows"),
-        Stage("crossing", cross, blocks, "fluid that comes in and goes out"),
-        Stage("crossing_count", count_in, "one", "counts particles and mass"),
-    ]
 
 
 def open_given(spec: Spec) -> list[Stage]:
