@@ -110,13 +110,15 @@ def make_solids(
     """The bodies of a case, in their order; where two overlap, the first has the particles.
 
     support: reach of the smoothing kernel, m; the layers of boundary particles are as deep, and as far a body sticks out of
-        an open side of the domain. It ends with the domain at other sides.
+        an open side of the domain, and for a scheme whose sides mirror out of inlets and outlets. It ends with the domain at
+        other sides.
     warnings: what the user should know is added.
     """
     spacing = case.spacing
     layers = math.ceil(support / spacing - 1e-9)
+    through = case.scheme.mirrors_sides
     beyond = np.array(
-        [[layers * s * (side.kind == "open") for side in (sides.lower, sides.upper)]
+        [[layers * s * (side.kind == "open" or (through and side.flow is not None)) for side in (sides.lower, sides.upper)]
          for sides, s in zip(case.sides, lattice.spacing, strict=True)]
     )  # fmt: skip
     low, high = np.array(lattice.lower) - beyond[:, 0], np.array(lattice.upper) + beyond[:, 1]
