@@ -4,6 +4,8 @@
     python scripts/open_boundaries.py channel    # Poiseuille flow: errors by spacing, velocity or pressure given
     python scripts/open_boundaries.py uniform    # a disturbed uniform flow for 100 lengths of the domain
     python scripts/open_boundaries.py cylinder   # forces on a cylinder in a channel, Schaefer and Turek 1996, 2D-1
+
+channel and uniform take --scheme isph, where there is no sound.
 """
 
 import argparse
@@ -29,6 +31,13 @@ def through(spacing: float, upper: list[float], inlet: dict[str, Any], outlet: d
         "fluids": [{"phase": "water", "shape": "rest"}],
     }
     return Case.from_dict(data).replace(more)
+
+
+def without_sound(case: Case) -> Case:
+    """The same for ISPH."""
+    outlet = {"outlet": {"pressure": 0}}
+    changes = {"numerics.scheme": "isph", "phases.water.sound_speed": "auto", "domain.boundary.x.upper": outlet}
+    return case.replace(changes)
 
 
 def made(case: Case, threads: int) -> Model:
@@ -75,7 +84,7 @@ def pulse(threads: int) -> None:
             print(row, flush=True)
 
 
-def channel(threads: int) -> None:
+def channel(threads: int, scheme: str) -> None:
     """Print the table of developed channel flows, Re = 20 and 100 of mean speed and height, from the exact flow on."""
     parabola = "6*y*(1 - y)"
     print("Re   given     spacings  l2 of u/peak  largest    flow in   mean pressure gradient over the exact one")
@@ -87,6 +96,7 @@ def channel(threads: int) -> None:
                 more = {"domain.boundary.y": "wall", "start.velocity": [parabola, 0], "phases.water": water}
                 outlet = {"waves": "leave" if given == "velocity" else "reflect"}
                 case = through(1 / cells, [3.0, 1.0], inlet, outlet, **more)
+                case = without_sound(case) if scheme == "isph" else case
                 model, rows = made(case, threads), []
                 for time in np.arange(6.0, 10.01, 0.5):
                     fluid = at(model, time)
@@ -99,10 +109,11 @@ def channel(threads: int) -> None:
                 print(f"{reynolds:3d}  {given:8s}  {cells:8d}  {errors}", flush=True)
 
 
-def uniform(threads: int) -> None:
+def uniform(threads: int, scheme: str) -> None:
     """Print what is left of a disturbance of a uniform flow, in units of U and rho U^2, for 100 lengths of the domain."""
     start = {"start.velocity": ["1 + 0.1*sin(2*pi*y/0.8)", 0], "start.noise": 0.1}
-    model = made(through(0.1, [1.0, 0.8], {"velocity": [1, 0]}, {}, **start), threads)
+    case = through(0.1, [1.0, 0.8], {"velocity": [1, 0]}, {}, **start)
+    model = made(without_sound(case) if scheme == "isph" else case, threads)
     count = model.fluid_count
     for time in (0.5, 1.0, 2.0, 5.0, 20.0, 100.0):
         fluid = at(model, time)
@@ -151,6 +162,10 @@ def cylinder(threads: int) -> None:
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("what", choices=["pulse", "channel", "uniform", "cylinder"])
+    parser.add_argument("--scheme", choices=["riemann", "isph"], default="riemann")
     parser.add_argument("--threads", type=int, default=1)
     given = parser.parse_args()
-    {"pulse": pulse, "channel": channel, "uniform": uniform, "cylinder": cylinder}[given.what](given.threads)
+    if given.what in ("channel", "uniform"):
+        {"channel": channel, "uniform": uniform}[given.what](given.threads, given.scheme)
+    else:
+        {"pulse": pulse, "cylinder": cylinder}[given.what](given.threads)

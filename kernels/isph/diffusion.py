@@ -27,6 +27,7 @@ from typing import Any
 import warp as wp
 
 from warpsph.kernels.core.clock import STEP, VISCOUS_STEP
+from warpsph.kernels.core.fields import FLUID
 from warpsph.kernels.core.mirror import NO_SLIP, code_shift, make_images, make_sides
 from warpsph.kernels.core.pair import WRAPPED, list_access, make_entry
 from warpsph.kernels.core.params import make_params, make_phase
@@ -102,8 +103,12 @@ def make_diffusion(spec: Spec) -> tuple[Any, Any, Any]:
         matrix_values: Values,
         matrix_counts: wp.array(dtype=wp.int16),
         matrix_diagonal: wp.array(dtype=real),
+        zone: wp.array(dtype=wp.int8),
     ):
         i = wp.tid() + first
+        if wp.static(spec.open_axis >= 0):
+            if int(zone[i]) != FLUID:
+                return
         xi = position[i]
         wrapped = bool(False)
         if wp.static(periodic):
@@ -138,9 +143,12 @@ def make_diffusion(spec: Spec) -> tuple[Any, Any, Any]:
                 if code != 0:
                     other = w * image_sign(code, component, sides)
             diagonal += w
+            inside = bool(True)
+            if wp.static(spec.open_axis >= 0):
+                inside = int(zone[j]) == FLUID  # a buffer has its velocity from elsewhere: w = 0
             if j == i:
                 diagonal -= other  # an own image
-            elif w > real(0.0):
+            elif inside and w > real(0.0):
                 put_column(matrix_columns, i, entry, j)
                 put_value(matrix_values, i, entry, -other)
                 entry += row_step
@@ -177,8 +185,12 @@ def make_diffusion(spec: Spec) -> tuple[Any, Any, Any]:
         lasting_gradient: wp.array(dtype=vec),
         unknown: wp.array(dtype=real),
         source: wp.array(dtype=real),
+        zone: wp.array(dtype=wp.int8),
     ):
         i = wp.tid() + first
+        if wp.static(spec.open_axis >= 0):
+            if int(zone[i]) != FLUID:
+                return
         weights = time_weights(clock)
         now = velocity[i][component]
         extrapolated = now + (now - velocity_old[i][component]) * real(weights[3])
@@ -196,8 +208,12 @@ def make_diffusion(spec: Spec) -> tuple[Any, Any, Any]:
         unknown: wp.array(dtype=real),
         source: wp.array(dtype=real),
         velocity_star: wp.array(dtype=vec),
+        zone: wp.array(dtype=wp.int8),
     ):
         i = wp.tid() + first
+        if wp.static(spec.open_axis >= 0):
+            if int(zone[i]) != FLUID:
+                return
         v = velocity_star[i]
         v[component] = v[component] + (unknown[i] - source[i] * (params.wall_volume / rest_volume[i]))
         velocity_star[i] = v

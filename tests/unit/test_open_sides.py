@@ -13,12 +13,13 @@ from warpsph.errors import CaseError
 from warpsph.kernels.core import clock as ck
 from warpsph.kernels.core.eos import make_eos
 from warpsph.kernels.core.fields import BUFFER, FLUID
-from warpsph.kernels.riemann.open_flow import make_excess, make_solve, make_sponge
+from warpsph.kernels.core.side_fit import make_solve
+from warpsph.kernels.riemann.open_flow import make_excess, make_sponge
 from warpsph.measure.flow_gauges import turns
 from warpsph.measure.totals import Motion
 from warpsph.running.model import Model
 from warpsph.scene.open_faces import buffer_layers, make_faces, signal_samples
-from warpsph.schemes import riemann_open
+from warpsph.schemes import open_run
 
 # A box that fluid flows through, the same everywhere along y.
 THROUGH = {
@@ -275,8 +276,8 @@ def test_a_sponge_draws_the_flow_to_what_is_given(device):
     }
     model = prepared(scene(THROUGH), device)
     level, case = model.stepper.levels[0], scene(THROUGH, **sponges)
-    values = riemann_open.arguments(
-        riemann_open.open_run(case, model.geometry, model.physics), case, model.geometry, model.physics, model.device
+    values = open_run.arguments(
+        open_run.open_run(case, model.geometry, model.physics), case, model.geometry, model.physics, model.device
     )
     zone = model.particles.get("zone")
     x = model.particles.get("position")[: len(zone), 0]
@@ -342,7 +343,7 @@ def test_a_saved_state_does_not_change_any_more(device):
 def narrow(case, device, monkeypatch):
     """A run that has room for the particles of the start alone."""
     with monkeypatch.context() as patch:
-        patch.setattr(riemann_open, "ROOM", 1.0)
+        patch.setattr(open_run, "ROOM", 1.0)
         return prepared(case, device)
 
 
@@ -378,7 +379,6 @@ def test_gauges_leave_out_the_buffers(device, monkeypatch):
         ({"domain.boundary.x.upper": {"inlet": {"velocity": [-1, 0]}}}, "x.lower.inlet", "leaves the pressure free"),
         ({"domain.boundary.y": {"lower": {"outlet": {}}, "upper": "wall"}}, "y.lower.outlet", "one axis alone"),
         ({"domain.boundary.y": "open"}, "y.lower", "fly away"),
-        ({"numerics.scheme": "isph"}, "x.lower.inlet", "scheme isph"),
         ({"phases.oil": {"density": 1}}, "x.lower.inlet", "one phase"),
         ({"numerics.volume_constraint": True}, "volume_constraint", "inlets and outlets"),
     ],

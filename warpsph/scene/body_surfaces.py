@@ -41,7 +41,8 @@ class Solid:
     filling: (m, d), particles that fill its layers once, m: fluid is arranged beside them
     distance: of the middle of each cell of the lattice from the surface, m, negative in the body; infinite two spacings and
         more beyond the box around the shape
-    stout: it has no thin tail, nor would have one if it went on into the wall that it ends on
+    stout: it has no thin tail, nor would have one if it went on into the wall that it ends on,
+        and the scheme has no mirrors beside inlets
     """
 
     surface: Surface
@@ -156,8 +157,9 @@ def make_solids(
             continue
         sampling = sample(surface, spacing, layers, low.tolist(), high.tolist())
         stout = not sampling.sheet.any()
-        if case.scheme.mirrors_sides and not stout:
-            # a tail that stands on a mirror would need lines of sight to its images
+        if case.scheme.mirrors_sides and (case.has_flow_through or not stout):
+            # a tail that stands on a mirror would need lines of sight to its images; beside inlets bodies are cells
+            stout = False
             surface = surface_of(case, body, low, high)
             sampling = sample(surface, spacing, layers, low.tolist(), high.tolist())
         inside = np.zeros(sampling.count, dtype=np.bool_)

@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from warpsph.errors import CaseError, Problem
+from warpsph.errors import MISSING, CaseError, Problem
 from warpsph.kernels.core.smoothing import KERNELS, make_smoothing
 from warpsph.kernels.core.spec import Spec
 from warpsph.scene.forcing import forcing_of
+from warpsph.scene.open_faces import open_axis
 from warpsph.scene.physics import VISCOUS_LIMIT, Physics, check_periods, flow_scales, has_room, smoothing_ratio
 from warpsph.schemes.isph_numerics import IsphNumerics
 
@@ -71,6 +72,32 @@ def _slides(case: Case) -> bool:
     return any(end.kind == "wall" and end.wall == "free_slip" for axis in case.sides for end in (axis.lower, axis.upper))
 
 
+def _check_open(case: Case, geometry: Geometry, filled: bool, gradient: str) -> None:
+    """Refuse what inlets and outlets do not go with. Raises CaseError.
+
+    These are a free surface, bodies that cut cells or move, and the conservative gradient, which throws particles about
+    where rows come in beside a disordered fluid.
+    """
+    if not case.has_flow_through:
+        return
+    problems = []
+    if gradient != "corrected":
+        rule = "makes a flow through inlets and outlets unstable"
+        problems.append(Problem("numerics.pressure_gradient", gradient, rule, "write pressure_gradient: corrected"))
+    if not filled:
+        rule = "leave room in the domain; with inlets or outlets the fluid has to fill it"
+        problems.append(Problem("fluids", MISSING, rule, "add {phase: ..., shape: rest} at the end"))
+    for name, body in case.bodies.items():
+        if body.motion is not None:
+            problems.append(Problem(f"bodies.{name}.motion", MISSING, "does not go with inlets and outlets", "delete it"))
+        if name in geometry.cut:
+            rule = "cuts cells of the lattice, which does not go with inlets and outlets"
+            remedy = "use a box whose faces lie between particles, or periodic sides and a body_force"
+            problems.append(Problem(f"bodies.{name}.shape", body.shape.kind, rule, remedy))
+    if problems:
+        raise CaseError(problems)
+
+
 def derive(case: Case, geometry: Geometry, row_list: bool) -> Physics:
     """Return the physics of an ISPH case whose particles are known; see `physics.derive`."""
     numerics = case.numerics
@@ -90,6 +117,7 @@ def derive(case: Case, geometry: Geometry, row_list: bool) -> Physics:
         return choices[key]
 
     gradient = choose("pressure_gradient", "conservative" if paper else "corrected", "exact for a linear pressure")
+    _check_open(case, geometry, filled, str(gradient))
     form = choose("viscosity_form", "morris" if paper or filled else "radial", "right damping at a free surface")
     choose("smoothing_ratio", smoothing_ratio(case), "least noise")
     shifting = choose("shifting", 16.0, "keeps the particles evenly spaced")
@@ -125,6 +153,8 @@ def derive(case: Case, geometry: Geometry, row_list: bool) -> Physics:
         limit = VISCOUS_LIMIT[viscosity] * (EXTRAPOLATED if int(order) == 2 else 1.0)
         explicit = limit * h * h * phase.density / phase.viscosity
     velocity = scales["velocity"]
+    if case.has_flow_through and velocity > 0:
+        cap["inlets and outlets"] = float(choices["courant"]) * h / velocity  # of what they may do in the coming step
     longest = min(float(choices["courant"]) * h / velocity if velocity > 0 else math.inf, *cap.values(), case.end_time)
     reason = "no friction"
     if viscous:
@@ -163,6 +193,8 @@ def derive(case: Case, geometry: Geometry, row_list: bool) -> Physics:
         shifting=float(shifting) > 0 or not filled,  # collisions at a free surface come with it
         free_surface=not filled,
         scheme="isph",
+        changing=case.has_flow_through,
+        open_axis=open_axis(case),
         mirror=any("wall" in (axis.lower.kind, axis.upper.kind) for axis in case.sides),
         second_order=int(order) == 2,
         implicit_viscosity=implicit,

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from warpsph.engine.program import Absent, BuildList, KeepList, Node, Program, Rarely, Stage
 from warpsph.kernels.core.clock import make_advance
-from warpsph.kernels.core.crossing import BLOCKS, make_births, make_crossing, make_fill
 from warpsph.kernels.core.drive import make_move_sides, make_signals
 from warpsph.kernels.core.moving_bodies import make_move_bodies
 from warpsph.kernels.core.poses import MIDDLE, NEXT
@@ -27,6 +26,7 @@ from warpsph.kernels.riemann.load import make_load
 from warpsph.kernels.riemann.momentum import make_momentum
 from warpsph.kernels.riemann.open_flow import make_arrival, make_buffer, make_face, make_side, make_sponge
 from warpsph.kernels.riemann.volume import make_volume
+from warpsph.schemes.open_stages import crossing, fill
 
 
 def program(spec: Spec) -> Program:
@@ -122,17 +122,6 @@ def bodies(spec: Spec, level: int, speed: int = 0, closing: int = 0) -> list[Sta
     return [Stage("move_bodies", make_move_bodies(spec), "wall", reason, values)]
 
 
-def fill(spec: Spec) -> list[Stage]:
-    """Return the stages that fill the buffers of inlets and outlets."""
-    if spec.open_axis < 0:
-        return []
-    write, count = make_fill(spec)
-    return [
-        Stage("fill_buffers", write, "fill_zone", "particles beyond inlets and outlets"),
-        Stage("count_buffers", count, "one", "counts them in"),
-    ]
-
-
 def open_flow(spec: Spec, beginning: int = 0) -> list[Stage]:
     """Return the stages that give inlets, outlets and their buffers pressure and velocity."""
     if spec.open_axis < 0:
@@ -151,22 +140,6 @@ def sponge(spec: Spec) -> list[Stage]:
     if not spec.sponge:
         return []
     return [Stage("sponge", make_sponge(spec), "fluid", "layers that draw the flow to what inlets and outlets give")]
-
-
-def crossing(spec: Spec) -> list[Stage]:
-    """Return the stages that let particles in and out, before a list is made."""
-    if spec.open_axis < 0:
-        return []
-    count, place, write = make_births(spec)
-    cross, count_in = make_crossing(spec)
-    blocks = BLOCKS[spec.row_list]
-    return [
-        Stage("births", count, blocks, "rows of the inlets that go on"),
-        Stage("births_place", place, "one", "is there room for them"),
-        Stage("births_write", write, blocks, "new particles of these rows"),
-        Stage("crossing", cross, blocks, "fluid that comes in and goes out"),
-        Stage("crossing_count", count_in, "one", "counts particles and mass"),
-    ]
 
 
 def state(spec: Spec) -> Stage:
