@@ -16,7 +16,8 @@ Where the fluid is too thin for a fit, G = 0, and the velocity changes along the
 
 G.n is what friction and a curved path of the fluid need, which change with the flow. In sound it is zero at a wall, but not
 in a straight line through half a wave, and what is between them feeds sound that runs to and fro between two walls. So with
-the corrected gradient, whose dissipation spares what is linear, G.n follows the fit at the rate FOLLOW c/dx.
+the corrected gradient, whose dissipation spares what is linear, G.n follows the fit at the rate FOLLOW c/dx + nu/dx^2: where
+the second is the larger, friction damps that sound and changes the flow as fast.
 """
 
 import functools
@@ -200,7 +201,9 @@ def make_wall_fit(spec: Spec, bent: bool = True, followed: bool = False) -> Any:
                 inverse = wp.inverse(spread)
                 gradient = inverse * (slope_p * inv_weight - p * mean)
             if wp.static(followed):
-                rate = real(FOLLOW) * phases[wp.max(last_phase, 0)].sound_speed / params.spacing
+                before = phases[wp.max(last_phase, 0)]
+                rate = real(FOLLOW) * before.sound_speed / params.spacing
+                rate += before.viscosity / (before.density * params.spacing * params.spacing)
                 fitted = wp.dot(gradient, normal)
                 slope = fitted + (surface_slope[w] - fitted) * wp.exp(-rate * real(clock[STEP]))
                 surface_slope[w] = slope
