@@ -46,8 +46,8 @@ def bodies(spec: Spec) -> bool:
 
 
 def followed(spec: Spec) -> bool:
-    """Runs with bodies of a scheme with sound whose dissipation spares linear pressures, see `wall_fit`."""
-    return spec.bodies and spec.corrected and spec.scheme == "riemann"
+    """Runs with bodies whose surface pressure follows the fluid slowly."""
+    return spec.wall_sound
 
 
 def tails(spec: Spec) -> bool:

@@ -16,7 +16,8 @@ Where the fluid is too thin for a fit, G = 0, and the velocity changes along the
 
 G.n is what friction and a curved path of the fluid need, which change with the flow. In sound it is zero at a wall, but not
 in a straight line through half a wave, and what is between them feeds sound that runs to and fro between two walls. So with
-the corrected gradient, whose dissipation spares what is linear, G.n follows the fit at the rate FOLLOW c/dx.
+the corrected gradient, whose dissipation spares what is linear, G.n follows the fit at the rate FOLLOW c/dx + nu/dx^2: where
+the second is the larger, friction damps that sound and changes the flow as fast.
 """
 
 import functools
@@ -30,7 +31,7 @@ from .params import make_params, make_phase
 from .poses import make_pose, make_velocity_at
 from .quadratic import LEAST_PIVOT
 from .smoothing import make_smoothing
-from .spec import SWEEP_OPTIONS, Spec, types_of
+from .spec import SWEEP_OPTIONS, Spec, types, types_of
 from .time_signals import GRAVITY_NEXT, make_forcing
 
 HALF_SPACE = {1: 0.069, 2: 0.055, 3: 0.044}  # 1/tr(spread^-1) of an even half space, h^2 (Wendland C2, h = 1.5 spacings)
@@ -63,6 +64,57 @@ def make_wall_rows() -> Any:
 
 
 @functools.cache
+def make_bent(dimension: int, precision: str, across: bool) -> Any:
+    """Return the `wp.func` that solves for the velocity S r + q y^2 + c s^2 of a fit: (S, q), from its weighted sums.
+
+    bent(sum v (x) r, sum v y^2, sum v s^2, sum r (x) r, sum r y^2, sum r s^2, sum y^4, sum y^2 s^2, sum s^4, normal, reach):
+    v is the velocity less that of the wall, `reach` the support of the kernel. q = 0 where the particles do not tell it
+    from a slope. across: q has a part along the normal.
+    """
+    real, vec, mat, _ = types(dimension, precision)
+
+    @wp.func
+    def bent(
+        shear: mat,
+        bend: vec,
+        bow: vec,
+        square: mat,
+        line_y: vec,
+        line_s: vec,
+        yyyy: real,
+        yyss: real,
+        ssss: real,
+        normal: vec,
+        reach: real,
+    ):
+        inverse = wp.inverse(square)
+        slope = shear * inverse
+        q = bend - shear * (inverse * line_y)
+        c = bow - shear * (inverse * line_s)
+        left_y = yyyy - wp.dot(line_y, inverse * line_y)  # of the sums beside the slopes
+        left_ys = yyss - wp.dot(line_y, inverse * line_s)
+        left_s = ssss - wp.dot(line_s, inverse * line_s)
+        pivot = real(0.0)  # what is left of y^2 beside s^2 too
+        if left_s > real(LEAST_PIVOT) * ssss:
+            pivot = left_y - left_ys * left_ys / left_s
+        if pivot > real(LEAST_PIVOT) * yyyy:
+            q = (q - (left_ys / left_s) * c) / pivot
+            if wp.static(not across):
+                # of a compressed fluid a bend across the wall is sound, which its mirror makes louder in each step
+                q -= normal * wp.dot(q, normal)
+            most = real(MOST_BEND) * wp.length(slope * normal)
+            if wp.length(q) * reach > most:
+                q = q * (most / (wp.length(q) * reach))
+            c = (c - left_ys * q) / left_s
+            slope -= wp.outer(q, inverse * line_y) + wp.outer(c, inverse * line_s)
+        else:
+            q = vec()
+        return slope, q
+
+    return bent
+
+
+@functools.cache
 def make_wall_fit(spec: Spec, across: bool = False, followed: bool = False) -> Any:
     """Return the kernel over wall particles that fits pressure and velocity of the fluid before the first layer.
 
@@ -79,6 +131,7 @@ def make_wall_fit(spec: Spec, across: bool = False, followed: bool = False) -> A
     velocity_at = make_velocity_at(spec)
     Pose = make_pose()
     half_space = HALF_SPACE[spec.dimension]
+    bent = make_bent(spec.dimension, spec.precision, across)
 
     @wp.kernel(module="unique", enable_backward=False, module_options=SWEEP_OPTIONS)
     def wall_fit(
@@ -203,6 +256,7 @@ def make_wall_fit(spec: Spec, across: bool = False, followed: bool = False) -> A
             gradient = inverse * (slope_p * inv_weight - p * mean)
             if wp.static(followed):
                 rate = real(FOLLOW) * phases[0].sound_speed / params.spacing
+                rate += phases[0].viscosity / (phases[0].density * params.spacing * params.spacing)
                 fitted = wp.dot(gradient, normal)
                 slope = fitted + (surface_slope[w] - fitted) * wp.exp(-rate * real(clock[STEP]))
                 surface_slope[w] = slope
@@ -213,32 +267,8 @@ def make_wall_fit(spec: Spec, across: bool = False, followed: bool = False) -> A
             out = wp.max(wp.dot(normal, square * normal), nearest * nearest)
             straight = wp.outer(shear * normal / out, normal)
             if trust > real(0.0):
-                inverse = wp.inverse(square)
-                bend -= shear * (inverse * line_y)
-                bow -= shear * (inverse * line_s)
-                least_y = real(LEAST_PIVOT) * yyyy
-                least_s = real(LEAST_PIVOT) * ssss
-                yyyy -= wp.dot(line_y, inverse * line_y)
-                yyss -= wp.dot(line_y, inverse * line_s)
-                ssss -= wp.dot(line_s, inverse * line_s)
-                shear = shear * inverse
-                # what is left of y^2 beside the slopes and s^2
-                pivot = real(0.0)
-                if ssss > least_s:
-                    pivot = yyyy - yyss * yyss / ssss
-                if pivot > least_y:
-                    bend = (bend - (yyss / ssss) * bow) / pivot
-                    if wp.static(not across):
-                        # of a compressed fluid a bend across the wall is sound, which its mirror makes louder in each step
-                        bend -= normal * wp.dot(bend, normal)
-                    reach = real(2.0) * params.h
-                    most = real(MOST_BEND) * wp.length(shear * normal)
-                    if wp.length(bend) * reach > most:
-                        bend = bend * (most / (wp.length(bend) * reach))
-                    bow = (bow - yyss * bend) / ssss
-                    shear -= wp.outer(bend, inverse * line_y) + wp.outer(bow, inverse * line_s)
-                else:
-                    bend = vec()  # so few particles do not tell a bend from a slope
+                reach = real(2.0) * params.h
+                shear, bend = bent(shear, bend, bow, square, line_y, line_s, yyyy, yyss, ssss, normal, reach)
             bend = bend * trust
             shear = straight + (shear - straight) * trust
             if slips:

@@ -332,9 +332,9 @@ def test_leaks_are_counted_by_phase_and_warned_of(tmp_path):
     assert "beyond a wall" in (tmp_path / "run" / "log.txt").read_text()
 
 
-@pytest.mark.parametrize("numerics", [{}, {"scheme": "isph"}])
+@pytest.mark.parametrize("numerics", [{}, {"scheme": "isph", "pressure_gradient": "conservative"}])
 def test_leaks_into_bodies_of_cells_are_counted(numerics):
-    """Several fluids leave a body of whole cells as cells; so does a scheme that mirrors them."""
+    """Several fluids leave a body of whole cells as cells; so does the conservative gradient of a scheme that mirrors."""
     phases = {"water": {"density": 1000, "viscosity": 0.1}, "oil": {"density": 900, "viscosity": 0.1}}
     fluids = [{"phase": "water", "shape": {"box": {"lower": [0, 0], "upper": [0.3, 0.3]}}}]
     several = not numerics

@@ -138,14 +138,18 @@ NODDING = {"translation": [0, "0.05*(1 - cos(2*pi*t))"], "rotation": "t", "pivot
 
 @pytest.mark.parametrize("motion", [None, NODDING])
 def test_a_cylinder_in_a_stream_lives(device, motion):
-    """Re = 100 of its diameter, five spacings, at rest or moving across and turning: bounded, a drag of order 1."""
+    """Re = 100 of its diameter, five spacings, at rest or moving across and turning: slow, a drag of order 1.
+
+    Ideal flow past it, 0.36 of the channel and moving at up to 0.6 U, is as fast as 2 U/(1 - 0.36) + 0.6 U = 3.7 U; beyond a
+    third of the speed of sound, 5 U, nothing is weakly compressible.
+    """
     body = {"shape": {"sphere": {"center": [1, 0.22], "radius": 0.25}}, **({"motion": motion} if motion else {})}
     water = {"density": 1, "viscosity": 0.005, "gamma": 1, "sound_speed": 15}
     model = made(channel("free_slip", "1", [3, 1], {"cylinder": body}, phases={"water": water}), device)
     loads = []
     for time in np.arange(3.0, 6.0, 0.2):
         fluid = at(model, time)
-        assert np.linalg.norm(fluid.velocity, axis=1).max() < 3.0
+        assert np.linalg.norm(fluid.velocity, axis=1).max() < 15.0 / 3.0
         assert np.abs(fluid.pressure).max() < 12.0
         loads.append(model.wall_forces()["wall_force_x cylinder"])
     assert 0.5 < np.mean(loads) / (0.5 * 0.5) < 6.0

@@ -134,6 +134,7 @@ def derive(case: Case, geometry: Geometry, row_list: bool = True) -> Physics:
     support = h * KERNELS[numerics.kernel].support
     scales, seen = flow_scales(case, geometry, tension, filled)
     wanted, warnings = sound_speeds(case, scales, seen, filled)
+    fitted = _fitted_walls(case, geometry)
     spec = Spec(
         dimension=case.dimension,
         precision=case.precision,
@@ -141,7 +142,8 @@ def derive(case: Case, geometry: Geometry, row_list: bool = True) -> Physics:
         multiphase=len(phases) > 1,
         periodic=tuple(case.periodic),
         walls=geometry.wall_count > 0,
-        bodies=_fitted_walls(case, geometry),
+        bodies=fitted,
+        wall_sound=fitted and corrected and len(phases) == 1,
         tails=geometry.surface is not None and geometry.surface.frames.count > 0,
         wall_no_slip=viscous and bool((geometry.wall_slip[geometry.kind == 1] == 0).any()),
         viscosity=str(form) if viscous else "none",

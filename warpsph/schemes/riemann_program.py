@@ -181,7 +181,7 @@ def walls(spec: Spec, ahead: bool = False) -> list[Stage]:
     if not spec.walls:
         return []
     if spec.bodies:
-        fit = make_wall_fit(spec, followed=spec.corrected and not ahead)
+        fit = make_wall_fit(spec, followed=spec.wall_sound and not ahead)
         return [
             Stage("wall_rows", make_wall_rows(), "wall", "where the list build has put each wall particle"),
             Stage("wall_fit", fit, "wall", "linear fit of the flow before the walls"),
@@ -194,9 +194,9 @@ def walls_ahead(spec: Spec) -> list[Stage]:
     """Return the stages that give the continuity sweep wall velocities of the same moment as those of the fluid.
 
     Those of the stages after it are a step old when the next one comes, which feeds sound that runs between two walls. The
-    conservative gradient has a dissipation that is more than that.
+    conservative gradient has a dissipation that is more than that, and several fluids have their own one-sided velocities.
     """
-    return walls(spec, ahead=True) if spec.bodies and spec.corrected else []
+    return walls(spec, ahead=True) if spec.wall_sound else []
 
 
 def tension(spec: Spec) -> list[Stage]:
