@@ -14,7 +14,8 @@ A run is judged by what the scene itself allows, with no number taken from a run
 * energy: kinetic + potential + elastic energy at no sample more than ENERGY_LIMIT of the scene's energy above what the
   start has, its surfaces included. The scene's energy is kinetic + surface energy of the start + the potential energy
   above that of the same fluids sorted by density + what lifts all fluid by LIFT spacings, since no arrangement of
-  particles knows its height better. Not judged where a moving wall feeds the scene.
+  particles knows its height better; where all move at QUIET c, nothing is asked of their energy. Not judged where a
+  moving wall feeds the scene.
 """
 
 from __future__ import annotations
@@ -387,8 +388,8 @@ class Allowed:
         weight = float(snapshot.mass.sum()) * g
         self.start = sum(parts) + surface
         self.scale = parts[0] + max(parts[1] - lowest, 0.0) + surface + LIFT * case.spacing * weight
-        if self.scale <= 0:
-            self.scale = float(density.min()) * float(snapshot.volume.sum()) * 1e-12
+        quiet = 0.5 * float(snapshot.mass.sum()) * (QUIET * min(physics.sound_speed)) ** 2
+        self.scale = max(self.scale, quiet / ENERGY_LIMIT)
 
     def parts(self, model: Any, snapshot: Any) -> tuple[float, float, float]:
         """Return kinetic, potential and elastic energy [J]."""

@@ -219,6 +219,7 @@ class Setup:
             "contact_angles": wp.array(
                 np.ravel(0.0 * matrix if cosines is None else cosines), dtype=real, device=self.device
             ),
+            "side_walls": 0,
             **(values or {}),
         }
         # cells are made for finite boxes; an axis on which all particles lie needs some width too

@@ -225,7 +225,8 @@ def make_births(spec: Spec) -> tuple[Any, Any, Any]:
                     shift[i] = vec()
                     carried[i] = vec()
                 if wp.static(spec.walls):
-                    wall_impact[i] = real(0.0)
+                    if i < wall_impact.shape[0]:  # which the Riemann scheme alone has
+                        wall_impact[i] = real(0.0)
                 particle_id[i] = counters[NEXT_ID] + born
                 zone[i] = wp.int8(BUFFER + site_side[k])
                 alive[i] = wp.uint8(1)

@@ -45,14 +45,14 @@ def bodies(spec: Spec) -> bool:
     return spec.bodies
 
 
+def followed(spec: Spec) -> bool:
+    """Runs with bodies whose surface pressure follows the fluid slowly."""
+    return spec.wall_sound
+
+
 def tails(spec: Spec) -> bool:
     """Runs with bodies that have thin tails."""
     return spec.tails
-
-
-def mixed(spec: Spec) -> bool:
-    """Runs with bodies in several fluids."""
-    return spec.bodies and spec.multiphase
 
 
 def moving_tails(spec: Spec) -> bool:
@@ -161,9 +161,8 @@ FLOW: tuple[Field, ...] = (
     Field("row_of_wall", "int32", "wall", False, bodies, "-", "present row, among the walls, of each by its number"),
     Field("surface_pressure", "real", "wall", False, bodies, "Pa", "of the fluid at the foot, for the first layer"),
     Field("surface_gradient", "vec", "wall", False, bodies, "Pa/m", "of the pressure there"),
+    Field("surface_slope", "real", "wall", True, followed, "Pa/m", "part of it along the normal that follows slowly"),
     Field("surface_shear", "mat", "wall", False, bodies, "1/s", "velocity gradient there, [a, b] = d v_a / d x_b"),
-    Field("surface_mixed", "uint8", "wall", False, mixed, "-", "1 where several fluids are before the foot"),
-    Field("wall_mixed", "uint8", "wall", False, mixed, "-", "the same of the particle of the first layer at the foot"),
     Field("surface_velocity", "vec", "wall", False, bodies, "m/s", "of the fluid at the foot, for the first layer"),
     Field("surface_bend", "vec", "wall", False, bodies, "1/(m s)", "half the second derivative of v along the normal"),
     Field("mirror_velocity", "vec", "wall", True, depths, "m/s", "velocity that friction on the wall sees"),

@@ -1,8 +1,9 @@
 """Particles that are where no fluid can be: beyond a wall of the domain or inside a body.
 
-Inside a body is who is deeper than SUNK spacings behind the surface of all boundary particles that are about as near as the
-nearest: at an edge some of them have the surface of the other face before them. A row at rest stands half a spacing before
-the surface.
+Inside a body is who is nearer than a spacing to one of its boundary particles, and deeper than SUNK spacings behind the
+surface of all that are about as near as the nearest: at an edge some of them have the surface of the other face before them.
+A row at rest stands half a spacing before the surface. Inside a body that is made of cells is who is nearer than INSIDE
+spacings to the centre of one: the corners of a staircase are no surface, and what slides round one may graze it.
 
 Beyond a wall is who is in the layers of its particles; where a side is open, fluid may come to lie beyond that over the rim.
 They are counted whenever the neighbour list is built: nothing gets through a wall without a way that asks for a new list.
@@ -23,6 +24,7 @@ from .spec import Spec, types_of
 LAST, LARGEST = 0, 1
 SUNK = 0.5  # depth behind the surface, in spacings: as far as a row at rest stands before it
 ABOUT = 0.5  # farther than the nearest boundary particle, in spacings
+INSIDE = 0.4  # a flat face of a cell is half a spacing from its centre
 
 
 @functools.cache
@@ -142,10 +144,65 @@ def make_sunk(spec: Spec) -> Any:
             d = separation(position[i], position[j], True, params)
             if wall_body[j - wall_first] > side_walls and wp.length(d) < nearest + real(ABOUT) * params.spacing:
                 before = wp.max(before, wp.dot(d, wall_normal[j - wall_first]) - wall_depth[j - wall_first])
-        if before > real(-1.0e30) and before < real(-SUNK) * params.spacing:
+        if nearest < params.spacing and before < real(-SUNK) * params.spacing:
             own = int(0)
             if wp.static(spec.multiphase):
                 own = int(phase[i])
             wp.atomic_add(leaks_found, slot * phase_count + own, 1)
 
     return count_sunk
+
+
+@functools.cache
+def make_in_cells(spec: Spec) -> Any:
+    """Return the kernel over the fluid that counts what is inside the cells of bodies, from the list; see `make_leaks`.
+
+    Beyond the sides of the domain `count_leaks` counts; within them the cells of a side are half a spacing away.
+    """
+    real, vec, _, _ = types_of(spec)
+    Params = make_params(spec.dimension, spec.precision)
+    Sides = make_sides(spec.dimension, spec.precision)
+    separation = separation_of(spec)
+    list_begin, list_step, neighbour, Listed = list_access(spec)
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def count_in_cells(
+        first: int,
+        slot: int,
+        phase_count: int,
+        particle_count: int,
+        list_width: int,
+        params: Params,
+        sides: Sides,
+        neighbours: Listed,
+        fluid_neighbours: wp.array(dtype=wp.int16),
+        wall_neighbours: wp.array(dtype=wp.int16),
+        phase: wp.array(dtype=wp.int8),
+        position: wp.array(dtype=vec),
+        counters: wp.array(dtype=int),
+        leaks_found: wp.array(dtype=int),
+    ):
+        i = wp.tid() + first
+        if wp.static(spec.changing):
+            if i >= counters[LIVE]:
+                return
+        x = position[i]
+        for axis in range(wp.static(spec.dimension)):
+            below = sides.kind[2 * axis] != NO_WALL and x[axis] < sides.lower[axis]
+            if below or (sides.kind[2 * axis + 1] != NO_WALL and x[axis] > sides.upper[axis]):
+                return
+        step = list_step(particle_count)
+        k = list_begin(i, list_width) + int(fluid_neighbours[i]) * step
+        end = k + int(wall_neighbours[i]) * step
+        nearest = real(1.0e30)
+        while k < end:
+            j = neighbour(neighbours, i, k)
+            k += step
+            nearest = wp.min(nearest, wp.length(separation(x, position[j], True, params)))
+        if nearest < real(INSIDE) * params.spacing:
+            own = int(0)
+            if wp.static(spec.multiphase):
+                own = int(phase[i])
+            wp.atomic_add(leaks_found, slot * phase_count + own, 1)
+
+    return count_in_cells

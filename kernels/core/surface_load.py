@@ -59,8 +59,9 @@ def make_surface_load(spec: Spec) -> Any:
         normal = wall_normal[w]
         rubbed = vec()
         rubs = bool(False)
+        area = wp.max(wall_area[w], real(0.0))  # negative beyond inlets and outlets, where a surface bears no load
         if wp.static(spec.wall_no_slip):
-            rubs = wall_area[w] > real(0.0) and slip[w] == wp.uint8(0)
+            rubs = area > real(0.0) and slip[w] == wp.uint8(0)
         if rubs:
             i = w + fluid_count
             foot = position[i] + normal * wall_depth[w]
@@ -92,8 +93,8 @@ def make_surface_load(spec: Spec) -> Any:
                     for b in range(wp.static(spec.dimension)):
                         shear[a, b] = real(slopes[b, a]) * params.inv_h
             viscosity = viscosity / wp.max(weight, real(1.0e-30))
-            rubbed = (viscosity * wall_area[w]) * ((shear + wp.transpose(shear)) * normal)
-        load[w] = rubbed - (surface_pressure[w] * wall_area[w]) * normal
+            rubbed = (viscosity * area) * ((shear + wp.transpose(shear)) * normal)
+        load[w] = rubbed - (surface_pressure[w] * area) * normal
         friction[w] = rubbed
 
     return surface_load

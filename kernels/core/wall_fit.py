@@ -13,6 +13,11 @@ that are not plane.
 
 A wall without friction has a velocity along it from the fit of the fluid alone, and a slope that makes no shear stress.
 Where the fluid is too thin for a fit, G = 0, and the velocity changes along the normal alone.
+
+G.n is what friction and a curved path of the fluid need, which change with the flow. In sound it is zero at a wall, but not
+in a straight line through half a wave, and what is between them feeds sound that runs to and fro between two walls. So with
+the corrected gradient, whose dissipation spares what is linear, G.n follows the fit at the rate FOLLOW c/dx + nu/dx^2: where
+the second is the larger, friction damps that sound and changes the flow as fast.
 """
 
 import functools
@@ -20,17 +25,24 @@ from typing import Any
 
 import warp as wp
 
+from .clock import STEP
 from .pair import list_access, separation_of
 from .params import make_params, make_phase
 from .poses import make_pose, make_velocity_at
+from .quadratic import LEAST_PIVOT
 from .smoothing import make_smoothing
-from .spec import SWEEP_OPTIONS, Spec, types_of
+from .spec import SWEEP_OPTIONS, Spec, types, types_of
 from .time_signals import GRAVITY_NEXT, make_forcing
 
-HALF_SPACE = {1: 0.07, 2: 0.019, 3: 0.0047}  # determinant of the spread of an even half space, over h^(2d) (Wendland C2)
-THIN = 0.05  # share of it below which the fluid before a foot is too thin for a fit; a right-angled corner has a quarter
+HALF_SPACE = {1: 0.069, 2: 0.055, 3: 0.044}  # 1/tr(spread^-1) of an even half space, h^2 (Wendland C2, h = 1.5 spacings)
+# Shares of it between which the fit is faded out: the fluid before the foot is too thin to say how its fields change through
+# it. Two rows have 0.97, a right-angled corner 0.62 (three sides: 0.49); a row that is 0.6 spacings thick 0.27, one row 0.
+THIN, WHOLE = 0.25, 0.45
 MOST_BEND = 0.5  # what the quadratic term may be of the linear one at a support: an unresolved layer is no parabola
 NEAREST = 0.25  # spacings: fluid nearer than that to the surface counts as at that distance, for the slope of its velocity
+# Rate over c/dx at which the slope of the pressure along the normal follows the fit. Eigenvalues of sound between two walls
+# 10 to 80 spacings apart: all are damped up to 0.02, the longest waves grow from 0.03 on. It lags by 5 dx/U, at Mach 0.1.
+FOLLOW = 0.02
 
 
 @functools.cache
@@ -52,10 +64,62 @@ def make_wall_rows() -> Any:
 
 
 @functools.cache
-def make_wall_fit(spec: Spec, bent: bool = True) -> Any:
+def make_bent(dimension: int, precision: str, across: bool) -> Any:
+    """Return the `wp.func` that solves for the velocity S r + q y^2 + c s^2 of a fit: (S, q), from its weighted sums.
+
+    bent(sum v (x) r, sum v y^2, sum v s^2, sum r (x) r, sum r y^2, sum r s^2, sum y^4, sum y^2 s^2, sum s^4, normal, reach):
+    v is the velocity less that of the wall, `reach` the support of the kernel. q = 0 where the particles do not tell it
+    from a slope. across: q has a part along the normal.
+    """
+    real, vec, mat, _ = types(dimension, precision)
+
+    @wp.func
+    def bent(
+        shear: mat,
+        bend: vec,
+        bow: vec,
+        square: mat,
+        line_y: vec,
+        line_s: vec,
+        yyyy: real,
+        yyss: real,
+        ssss: real,
+        normal: vec,
+        reach: real,
+    ):
+        inverse = wp.inverse(square)
+        slope = shear * inverse
+        q = bend - shear * (inverse * line_y)
+        c = bow - shear * (inverse * line_s)
+        left_y = yyyy - wp.dot(line_y, inverse * line_y)  # of the sums beside the slopes
+        left_ys = yyss - wp.dot(line_y, inverse * line_s)
+        left_s = ssss - wp.dot(line_s, inverse * line_s)
+        pivot = real(0.0)  # what is left of y^2 beside s^2 too
+        if left_s > real(LEAST_PIVOT) * ssss:
+            pivot = left_y - left_ys * left_ys / left_s
+        if pivot > real(LEAST_PIVOT) * yyyy:
+            q = (q - (left_ys / left_s) * c) / pivot
+            if wp.static(not across):
+                # of a compressed fluid a bend across the wall is sound, which its mirror makes louder in each step
+                q -= normal * wp.dot(q, normal)
+            most = real(MOST_BEND) * wp.length(slope * normal)
+            if wp.length(q) * reach > most:
+                q = q * (most / (wp.length(q) * reach))
+            c = (c - left_ys * q) / left_s
+            slope -= wp.outer(q, inverse * line_y) + wp.outer(c, inverse * line_s)
+        else:
+            q = vec()
+        return slope, q
+
+    return bent
+
+
+@functools.cache
+def make_wall_fit(spec: Spec, across: bool = False, followed: bool = False) -> Any:
     """Return the kernel over wall particles that fits pressure and velocity of the fluid before the first layer.
 
-    bent: with the quadratic terms of the velocity; else q = c = 0.
+    across: the velocity bends across the wall too; else q has no part along the normal.
+    followed: the slope of the pressure along the normal follows the fit, by the time of one step; else it is that of it.
     """
     real, vec, mat, pair = types_of(spec)
     Params = make_params(spec.dimension, spec.precision)
@@ -66,7 +130,8 @@ def make_wall_fit(spec: Spec, bent: bool = True) -> Any:
     gravity_of, body_force_of = make_forcing(spec)
     velocity_at = make_velocity_at(spec)
     Pose = make_pose()
-    thin = THIN * HALF_SPACE[spec.dimension]
+    half_space = HALF_SPACE[spec.dimension]
+    bent = make_bent(spec.dimension, spec.precision, across)
 
     @wp.kernel(module="unique", enable_backward=False, module_options=SWEEP_OPTIONS)
     def wall_fit(
@@ -76,6 +141,7 @@ def make_wall_fit(spec: Spec, bent: bool = True) -> Any:
         list_width: int,
         params: Params,
         phases: wp.array(dtype=Phase),
+        clock: wp.array(dtype=wp.float64),
         forcing: wp.array(dtype=vec),
         body_motion: wp.array(dtype=int),
         poses: wp.array(dtype=Pose),
@@ -94,7 +160,7 @@ def make_wall_fit(spec: Spec, bent: bool = True) -> Any:
         slip: wp.array(dtype=wp.uint8),
         surface_pressure: wp.array(dtype=real),
         surface_gradient: wp.array(dtype=vec),
-        surface_mixed: wp.array(dtype=wp.uint8),
+        surface_slope: wp.array(dtype=real),
         surface_velocity: wp.array(dtype=vec),
         surface_shear: wp.array(dtype=mat),
         surface_bend: wp.array(dtype=vec),
@@ -126,8 +192,6 @@ def make_wall_fit(spec: Spec, bent: bool = True) -> Any:
         ssss = real(0.0)
         bend = vec()  # sum w (v - v_w) y^2
         bow = vec()  # sum w (v - v_w) s^2
-        first_phase = int(127)
-        last_phase = int(-1)
         slips = bool(True)
         if wp.static(spec.wall_no_slip):
             slips = slip[w] != wp.uint8(0)
@@ -143,8 +207,6 @@ def make_wall_fit(spec: Spec, bent: bool = True) -> Any:
             own = int(0)
             if wp.static(spec.multiphase):
                 own = int(phase[j])
-                first_phase = wp.min(first_phase, own)
-                last_phase = wp.max(last_phase, own)
             rho = phases[own].density * rest_volume[j] / state_j[1]
             p_j = state_j[0] - rho * wp.dot(balanced, r)
             weight += w_j
@@ -180,41 +242,35 @@ def make_wall_fit(spec: Spec, bent: bool = True) -> Any:
             bend = bend * inv_weight
             bow = bow * inv_weight
             spread = square - wp.outer(mean, mean)
-            limit = real(thin)
-            for _axis in range(wp.static(spec.dimension)):
-                limit = limit * params.h * params.h
-            whole = wp.determinant(spread) > limit
+            even = real(half_space) * params.h * params.h
+            smallest = real(THIN) * even  # of a determinant: the spread is even * THIN at least along each direction
+            for _axis in range(wp.static(spec.dimension - 1)):
+                smallest = smallest * real(THIN) * even
+            trust = real(0.0)  # 1: a fit; 0: values and slopes along the normal alone
             inverse = mat()
-            if whole:
+            if wp.determinant(spread) > smallest:
                 inverse = wp.inverse(spread)
-                gradient = inverse * (slope_p * inv_weight - p * mean)
+                share = real(1.0) / (wp.trace(inverse) * even)
+                trust = wp.clamp((share - real(THIN)) / real(wp.static(WHOLE - THIN)), real(0.0), real(1.0))
+            inverse = inverse * trust
+            gradient = inverse * (slope_p * inv_weight - p * mean)
+            if wp.static(followed):
+                rate = real(FOLLOW) * phases[0].sound_speed / params.spacing
+                rate += phases[0].viscosity / (phases[0].density * params.spacing * params.spacing)
+                fitted = wp.dot(gradient, normal)
+                slope = fitted + (surface_slope[w] - fitted) * wp.exp(-rate * real(clock[STEP]))
+                surface_slope[w] = slope
+                gradient += (slope - fitted) * normal
             p = p - wp.dot(gradient, mean)
             free = (shear - wp.outer(flow, mean)) * inverse  # of a fit that does not know the wall
-            if whole and wp.static(not bent):
-                shear = shear * wp.inverse(square)
-                bend = vec()
-            elif whole:
-                inverse = wp.inverse(square)
-                bend -= shear * (inverse * line_y)
-                bow -= shear * (inverse * line_s)
-                yyyy -= wp.dot(line_y, inverse * line_y)
-                yyss -= wp.dot(line_y, inverse * line_s)
-                ssss -= wp.dot(line_s, inverse * line_s)
-                straight = shear * inverse
-                bend = (ssss * bend - yyss * bow) / (yyyy * ssss - yyss * yyss)
-                # along the wall alone: across it a bend is sound, which its mirror would make louder in each step
-                bend -= normal * wp.dot(bend, normal)
+            nearest = real(NEAREST) * params.spacing
+            out = wp.max(wp.dot(normal, square * normal), nearest * nearest)
+            straight = wp.outer(shear * normal / out, normal)
+            if trust > real(0.0):
                 reach = real(2.0) * params.h
-                most = real(MOST_BEND) * wp.length(straight * normal)
-                if wp.length(bend) * reach > most:
-                    bend = bend * (most / (wp.length(bend) * reach))
-                bow = (bow - yyss * bend) / ssss
-                shear = straight - wp.outer(bend, inverse * line_y) - wp.outer(bow, inverse * line_s)
-            else:
-                bend = vec()
-                nearest = real(NEAREST) * params.spacing
-                out = wp.max(wp.dot(normal, square * normal), nearest * nearest)
-                shear = wp.outer(shear * normal / out, normal)
+                shear, bend = bent(shear, bend, bow, square, line_y, line_s, yyyy, yyss, ssss, normal, reach)
+            bend = bend * trust
+            shear = straight + (shear - straight) * trust
             if slips:
                 # along a wall without friction the fluid has its own velocity, and no shear stress: (S + S^T) n is along n
                 along = flow - free * mean
@@ -230,8 +286,6 @@ def make_wall_fit(spec: Spec, bent: bool = True) -> Any:
         else:
             shear = mat()
             bend = vec()
-        if wp.static(spec.multiphase):
-            surface_mixed[w] = wp.uint8(wp.where(last_phase > first_phase, 1, 0))
         surface_pressure[w] = p
         surface_gradient[w] = gradient
         surface_velocity[w] = own_velocity
@@ -268,8 +322,6 @@ def make_wall_values(spec: Spec) -> Any:
         slip: wp.array(dtype=wp.uint8),
         surface_pressure: wp.array(dtype=real),
         surface_gradient: wp.array(dtype=vec),
-        surface_mixed: wp.array(dtype=wp.uint8),
-        wall_mixed: wp.array(dtype=wp.uint8),
         surface_velocity: wp.array(dtype=vec),
         surface_shear: wp.array(dtype=mat),
         surface_bend: wp.array(dtype=vec),
@@ -295,7 +347,5 @@ def make_wall_values(spec: Spec) -> Any:
                     own_velocity = velocity_at(own_velocity, arm, wall_body[w], body_motion, poses)
                 mirror = own_velocity - surface_shear[lead] * arm + surface_bend[lead] * (depth * depth)
         mirror_velocity[w] = mirror
-        if wp.static(spec.multiphase):
-            wall_mixed[w] = surface_mixed[lead]
 
     return wall_values

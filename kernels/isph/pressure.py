@@ -6,6 +6,7 @@ from typing import Any
 import warp as wp
 
 from warpsph.kernels.core.clock import MAXIMA, SPEED, STEP
+from warpsph.kernels.core.fields import FLUID
 from warpsph.kernels.core.mirror import code_shift, make_images, make_sides
 from warpsph.kernels.core.pair import WRAPPED, list_access, make_entry
 from warpsph.kernels.core.params import make_params, make_phase
@@ -20,6 +21,22 @@ from .surface import INSIDE
 UNSURE = 0.01  # excess E that disorder alone can make: its standard deviation is 0.0037 on shifted particles
 TOUCH = 0.75  # distance from a wall particle at which a particle of the surface stops, in spacings; a resting row has 1
 TENSION = 0.5  # largest, over rho u_max^2
+
+
+@functools.cache
+def make_takes_part(spec: Spec) -> Any:
+    """Return the `wp.func` takes_part(i, surface, zone): whether the pressure of a fluid row is an unknown."""
+
+    @wp.func
+    def takes_part(i: int, surface: wp.array(dtype=wp.uint8), zone: wp.array(dtype=wp.int8)):
+        result = bool(True)
+        if wp.static(spec.free_surface):
+            result = surface[i] == wp.uint8(INSIDE)
+        if wp.static(spec.open_axis >= 0):
+            result = int(zone[i]) == FLUID
+        return result
+
+    return takes_part
 
 
 @functools.cache
@@ -42,7 +59,7 @@ def make_assemble(spec: Spec) -> Any:
     gravity_of, _ = make_forcing(spec)
     time_weights = make_weights(spec.second_order)
     friction_rate = make_friction_rate(spec.precision)
-    periodic = any(spec.periodic)
+    takes_part = make_takes_part(spec)
     dimension = float(spec.dimension)
     image_bit = code_shift(spec.dimension)
     index_mask = (1 << image_bit) - 1
@@ -84,21 +101,21 @@ def make_assemble(spec: Spec) -> Any:
         matrix_moment: wp.array(dtype=mat),
         unknown: wp.array(dtype=real),
         source: wp.array(dtype=real),
+        zone: wp.array(dtype=wp.int8),
     ):
         i = wp.tid() + first
-        if wp.static(spec.free_surface):
-            if surface[i] != wp.uint8(INSIDE):
-                matrix_counts[i] = wp.int16(0)
-                matrix_diagonal[i] = real(1.0)
-                matrix_moment[i] = mat()
-                unknown[i] = real(0.0)
-                source[i] = real(0.0)
-                return
+        if not takes_part(i, surface, zone):
+            matrix_counts[i] = wp.int16(0)
+            matrix_diagonal[i] = real(1.0)
+            matrix_moment[i] = mat()
+            unknown[i] = real(0.0)
+            source[i] = real(0.0)
+            return
         wall_first = particle_count - wall_acceleration.shape[0]
         xi = position[i]
         vi = velocity_star[i]
         wrapped = bool(False)
-        if wp.static(periodic):
+        if wp.static(any(spec.periodic)):
             wrapped = (int(flags[i]) & WRAPPED) != 0
         rho = phases[0].density
         share = rest_volume[i] / params.wall_volume
@@ -144,6 +161,9 @@ def make_assemble(spec: Spec) -> Any:
             f = slope(wp.sqrt(r2) * params.inv_h) * rest_volume[j]
             core = wp.max(real(1.0) - r2 * params.inv_window, real(0.0))
             crowd += core * core * rest_volume[j]
+            if wp.static(spec.open_axis >= 0):
+                if int(zone[j]) != FLUID:
+                    continue  # see `open_projection.make_open_source`
             w = weight * f
             vj = velocity_star[j]
             if wp.static(spec.bodies):
@@ -156,10 +176,7 @@ def make_assemble(spec: Spec) -> Any:
                         right += w * lifted * wp.dot(gravity_of(params, forcing, GRAVITY_NEXT), lift(xj, code, sides))
             flow += wp.outer(vj - vi, f * d)
             uneven += w * d
-            known = bool(False)
-            if wp.static(spec.free_surface):
-                known = surface[j] != wp.uint8(INSIDE)
-            if known:
+            if not takes_part(j, surface, zone):
                 full = False
                 coupling += w
                 right += w * pressure[j]
@@ -244,8 +261,12 @@ def make_accept(spec: Spec) -> Any:
         rest_volume: wp.array(dtype=real),
         pressure: wp.array(dtype=real),
         state: wp.array(dtype=pair),
+        zone: wp.array(dtype=wp.int8),
     ):
         i = wp.tid() + first
+        if wp.static(spec.open_axis >= 0):
+            if int(zone[i]) != FLUID:
+                return
         if wp.static(spec.free_surface):
             if surface[i] == wp.uint8(INSIDE):
                 speed = real(clock[SPEED])
@@ -314,8 +335,12 @@ def make_correct(spec: Spec) -> Any:
         wall_gap: wp.array(dtype=real),
         wall_pace: wp.array(dtype=real),
         maxima: wp.array(dtype=real),
+        zone: wp.array(dtype=wp.int8),
     ):
         i = wp.tid() + first
+        if wp.static(spec.open_axis >= 0):
+            if int(zone[i]) != FLUID:
+                return
         wall_first = particle_count - wall_acceleration.shape[0]
         xi = position[i]
         p_i = pressure[i]

@@ -36,6 +36,7 @@ from typing import Any
 import warp as wp
 
 from warpsph.kernels.core.clock import RUNAWAY, STEP
+from warpsph.kernels.core.fields import FLUID, NOBODY
 from warpsph.kernels.core.mirror import NO_WALL, code_shift, make_images, make_sides
 from warpsph.kernels.core.pair import WRAPPED, list_access
 from warpsph.kernels.core.params import make_params, make_phase
@@ -77,8 +78,19 @@ def make_advect(spec: Spec) -> Any:
         wall_pace: wp.array(dtype=real),
         offset: wp.array(dtype=vec),
         position: wp.array(dtype=vec),
+        zone: wp.array(dtype=wp.int8),
+        row_speed: wp.array(dtype=real),
     ):
         i = wp.tid() + first
+        if wp.static(spec.open_axis >= 0):
+            if int(zone[i]) != FLUID:
+                # a buffer moves across its side alone, so that its rows stay whole
+                if int(zone[i]) != NOBODY:
+                    along = offset[i]
+                    along[wp.static(max(spec.open_axis, 0))] += row_speed[i] * real(clock[STEP])
+                    offset[i] = along
+                    position[i] = anchor[i] + along
+                return
         v = velocity[i]
         old = velocity_old[i]
         half = real(wp.float64(0.5) * time_weights(clock)[3])
@@ -180,8 +192,12 @@ def make_predict(spec: Spec) -> Any:
         pressure: wp.array(dtype=real),
         unknown: wp.array(dtype=real),
         faults: wp.array(dtype=int),
+        zone: wp.array(dtype=wp.int8),
     ):
         i = wp.tid() + first
+        if wp.static(spec.open_axis >= 0):
+            if int(zone[i]) == NOBODY:
+                return
         unknown[i] = pressure[i]  # the surface stage looks at the pressure around while it writes some
         xi = position[i]
         weights = time_weights(clock)
@@ -286,6 +302,9 @@ def make_predict(spec: Spec) -> Any:
                 if spread[i] > real(wp.static(0.9 * dimension)):
                     viscous_sum = (viscous_sum - real(2.0) * linear) * (real(dimension) / spread[i])
             a += viscous_sum * (phases[0].viscosity / phases[0].density * g_norm)
+        if wp.static(spec.open_axis >= 0):
+            if int(zone[i]) != FLUID:
+                return  # its velocity is given or comes from inside
         new = v_now * real(weights[0]) - v_old * real(weights[1])
         velocity_star[i] = new + a * real(weights[2] * clock[STEP])
 
@@ -306,8 +325,12 @@ def make_settle(spec: Spec) -> Any:
         anchor: wp.array(dtype=vec),
         offset: wp.array(dtype=vec),
         position: wp.array(dtype=vec),
+        zone: wp.array(dtype=wp.int8),
     ):
         i = wp.tid() + first
+        if wp.static(spec.open_axis >= 0):
+            if int(zone[i]) != FLUID:
+                return
         way = offset[i] + (velocity[i] - velocity_old[i]) * real(wp.float64(0.5) * clock[STEP])
         offset[i] = way
         position[i] = anchor[i] + way

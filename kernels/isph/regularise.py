@@ -6,6 +6,7 @@ from typing import Any
 import warp as wp
 
 from warpsph.kernels.core.clock import MAXIMA, SPEED, STEP
+from warpsph.kernels.core.fields import FLUID, NOBODY
 from warpsph.kernels.core.mirror import code_shift, make_images, make_sides
 from warpsph.kernels.core.pair import WRAPPED, list_access
 from warpsph.kernels.core.params import make_params
@@ -71,8 +72,12 @@ def make_regularise(spec: Spec) -> Any:
         shift: wp.array(dtype=vec),
         carried: wp.array(dtype=vec),
         maxima: wp.array(dtype=real),
+        zone: wp.array(dtype=wp.int8),
     ):
         i = wp.tid() + first
+        if wp.static(spec.open_axis >= 0):
+            if int(zone[i]) == NOBODY:
+                return
         xi = position[i]
         vi = velocity[i]
         wrapped = bool(False)
@@ -140,6 +145,12 @@ def make_regularise(spec: Spec) -> Any:
         most = real(clock[SPEED]) * params.inv_h
         dilation_old[i] = dilation[i]
         dilation[i] = wp.clamp(wp.trace(shear), -most, most)
+        if wp.static(spec.open_axis >= 0):
+            if int(zone[i]) != FLUID:
+                if wp.static(spec.shifting):
+                    shift[i] = vec()
+                    carried[i] = vec()
+                return  # rows stay as they are
         if wp.static(spec.shifting):
             dt = real(clock[STEP])
             strength = wp.sqrt(wp.ddot(shear, shear)) * dt

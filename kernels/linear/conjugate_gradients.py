@@ -27,6 +27,7 @@ from .solve_state import (
     RHS2,
     ROWS,
     RUNNING,
+    SCALED_MEAN,
     SINGULAR,
     TOLERANCE,
     ZERO,
@@ -54,6 +55,7 @@ def make_cg_sweeps(precision: str, row_list: bool, count_type: Any, wide: bool) 
         first: int,
         n: int,
         chunk: int,
+        counts: wp.array(dtype=count_type),
         scaled: wp.array(dtype=real),
         search: wp.array(dtype=real),
         solve_state: wp.array(dtype=wp.float64),
@@ -62,7 +64,19 @@ def make_cg_sweeps(precision: str, row_list: bool, count_type: Any, wide: bool) 
         i = t * chunk
         end = wp.min(i + chunk, n)
         beta = real(solve_state[BETA])
-        if solve_state[FRESH] > ZERO:
+        if solve_state[SCALED_MEAN] != ZERO:
+            mean = real(solve_state[SCALED_MEAN])
+            if solve_state[FRESH] > ZERO:
+                beta = real(0.0)
+            while i < end:
+                z = scaled[i]
+                if int(counts[i]) > 0:
+                    z -= mean
+                if beta != real(0.0):
+                    z += beta * search[i]
+                search[i] = z
+                i += 1
+        elif solve_state[FRESH] > ZERO:
             while i < end:
                 search[i] = scaled[i]
                 i += 1
@@ -205,7 +219,13 @@ def make_cg_decisions(precision: str, row_list: bool) -> tuple[Any, Any, Any]:
         t = wp.tid() + first
         total = total_sums(t, block_count, sums)
         if t == 0:
-            rho = total[1]
+            # The coarsest grid answers the rounding of a residual that should sum to zero with a constant of any size.
+            # In the search direction it would take the digits of all else.
+            mean = ZERO
+            if solve_state[SINGULAR] > ZERO:
+                mean = total[2] / solve_state[ROWS]
+            solve_state[SCALED_MEAN] = mean
+            rho = total[1] - mean * total[0]
             beta = ZERO
             if solve_state[FRESH] == ZERO and solve_state[RHO] != ZERO:
                 beta = rho / solve_state[RHO]

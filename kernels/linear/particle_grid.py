@@ -70,19 +70,24 @@ def make_particle_sweeps(precision: str, row_list: bool, count_type: Any, wide: 
         result: wp.array(dtype=real),
         sums: wp.array(dtype=wp.vec3d),
     ):
-        """Result = work + weight / diagonal (source - A work), and the sum source . result."""
+        """Result = work + weight / diagonal (source - A work); sums of source, source . result, and result over rows."""
         t = wp.tid() + first
         i = t * chunk
         end = wp.min(i + chunk, n)
         rz = wp.float64(0.0)
+        total_r = wp.float64(0.0)
+        total_z = wp.float64(0.0)
         while i < end:
             r = source[i]
             rest = r - row_product(i, n, width, counts, columns, values, excess, particle_work)
             z = particle_work[i] + weight * inverse[i] * rest
             result[i] = z
             rz += wp.float64(r) * wp.float64(z)
+            if int(counts[i]) > 0:
+                total_r += wp.float64(r)
+                total_z += wp.float64(z)
             i += 1
-        store_sums(t, wp.float64(0.0), rz, wp.float64(0.0), sums)
+        store_sums(t, total_r, rz, total_z, sums)
 
     return particle_residual, particle_smooth
 

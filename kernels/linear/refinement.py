@@ -40,6 +40,7 @@ from .solve_state import (
     RHS_MEAN,
     ROWS,
     RUNNING,
+    SCALED_MEAN,
     SINGULAR,
     SOLUTION_MEAN,
     SOLVES,
@@ -144,6 +145,7 @@ def make_prepare(precision: str, row_list: bool, count_type: Any, wide: bool) ->
             solve_state[RHS_MEAN] = mean
             solve_state[SOLUTION_MEAN] = ZERO
             solve_state[RESIDUAL_MEAN] = ZERO
+            solve_state[SCALED_MEAN] = ZERO
             solve_state[ROWS] = wp.max(total[1], ONE)
             solve_state[ITERATIONS] = ZERO
             solve_state[RESTARTS] = ZERO

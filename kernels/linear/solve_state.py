@@ -35,7 +35,8 @@ RESIDUAL_MEAN = 25  # of r over them, rounding alone: 0 unless singular
 SINGULAR = 26  # 1: the constant over these rows is a null vector
 PEAK2 = 27  # largest r.r since the last evaluation
 REPLACING = 28  # 1: the recurrence goes on from the residual that is evaluated next
-STATE_SIZE = 29
+SCALED_MEAN = 29  # of the preconditioned residual over the same rows: no part of the solution of a singular system
+STATE_SIZE = 30
 
 # entries of `solve_flags`
 ACTIVE = 0  # the solve goes on

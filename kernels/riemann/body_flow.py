@@ -17,7 +17,8 @@ SMALLEST_MOMENT = 0.1  # determinant below which a neighbourhood is too thin to 
 def make_body_flow(spec: Spec) -> Any:
     """Return the `wp.func` of the rate of continuity that wall neighbours make; without bodies it is never called.
 
-    Their velocity is the mirrored one. With the corrected gradient the rate also takes out what the arrangement of all
+    Their velocity is the mirrored one; for several fluids it is that of the one-sided Riemann problem of each, in which the
+    wall moves at u*. With the corrected gradient the rate also takes out what the arrangement of all
     neighbours makes of a linear velocity without divergence. Arguments that are not those of the sweep: `dissipated` is
     the star velocity for a pressure difference [m/(s Pa)], `weight` rho g [Pa/m], `flow` and `moment` the sums of
     (v_j - v_i) (x) F V x_ij and -x_ij (x) F V x_ij over the fluid.
@@ -48,6 +49,7 @@ def make_body_flow(spec: Spec) -> Any:
         neighbours: Listed,
         position: wp.array(dtype=vec),
         boundary_volume: wp.array(dtype=real),
+        velocity: wp.array(dtype=vec),
         mirror_velocity: wp.array(dtype=vec),
         state: wp.array(dtype=pair),
     ):
@@ -63,11 +65,14 @@ def make_body_flow(spec: Spec) -> Any:
             d = separation(xi, position[j], wrapped, params)
             r = wp.sqrt(wp.dot(d, d))
             f = slope(r * params.inv_h) * boundary_volume[w]
-            rate += f * wp.dot(vi - mirror_velocity[w], d)
-            if wp.static(spec.dissipation and not spec.corrected):
+            mirrored = mirror_velocity[w]
+            if wp.static(spec.multiphase):
+                mirrored = real(2.0) * velocity[j] - vi
+            rate += f * wp.dot(vi - mirrored, d)
+            if wp.static(spec.dissipation and not spec.corrected and not spec.multiphase):
                 rate += f * (p_i - state[j][0] - wp.dot(weight, d)) * r * dissipated
             if wp.static(spec.corrected):
-                wall_flow += wp.outer(mirror_velocity[w] - vi, f * d)
+                wall_flow += wp.outer(mirrored - vi, f * d)
                 wall_moment -= wp.outer(d, f * d)
         if wp.static(spec.corrected):
             if end > start and not near:

@@ -227,11 +227,10 @@ def make_continuity(spec: Spec) -> Any:
                 r = wp.sqrt(wp.dot(d, d))
                 rate += real(2.0) * slope(r * params.inv_h) * params.wall_volume * wp.dot(vi - velocity[j], d)
         if wp.static(spec.bodies):
-            # the fit at the wall does not know which fluid is whose: near another there is no difference of pressure
             weight = own.density * gravity_of(params, forcing, GRAVITY_NOW)
             rate += rate_at_bodies(
-                i, k, end, step, particle_count, wrapped, near, xi, vi, wp.where(near, real(0.0), inv_z), p_i, weight, flow,
-                moment, params, neighbours, position, boundary_volume, mirror_velocity, state,
+                i, k, end, step, particle_count, wrapped, near, xi, vi, inv_z, p_i, weight, flow,
+                moment, params, neighbours, position, boundary_volume, velocity, mirror_velocity, state,
             )  # fmt: skip
         if wp.static(sided):
             # A heavy particle among light ones takes their pressure at up to twice the rate of one among its own, which is

@@ -99,7 +99,6 @@ def make_momentum(spec: Spec) -> Any:
         boundary_volume: wp.array(dtype=real),
         wall_depth: wp.array(dtype=real),
         wall_normal: wp.array(dtype=vec),
-        wall_mixed: wp.array(dtype=wp.uint8),
         wall_acceleration: wp.array(dtype=vec),
         wall_body: wp.array(dtype=int),
         side_walls: int,
@@ -315,12 +314,21 @@ def make_momentum(spec: Spec) -> Any:
                     p_wall = p_i
                     if wp.static(spec.gravity):
                         p_wall -= rho_i * wp.dot(gravity_of(params, forcing, GRAVITY_NEXT), d)
+                if wp.static(spec.bodies):
+                    mirror = mirror_velocity[j - fluid_count]
                 if wp.static(spec.multiphase and spec.bodies):
-                    if near or wall_mixed[j - fluid_count] != wp.uint8(0):
-                        borne = gravity_of(params, forcing, GRAVITY_NEXT) + body_force_of(params, forcing)
-                        if wp.static(spec.moving):
-                            borne -= wall_acceleration[j - fluid_count]
-                        p_wall = p_i - rho_i * wp.dot(borne, d)
+                    # one-sided too: a fit over several fluids is that of none
+                    borne = gravity_of(params, forcing, GRAVITY_NEXT) + body_force_of(params, forcing)
+                    if wp.static(spec.moving):
+                        borne -= wall_acceleration[j - fluid_count]
+                    p_wall = p_i - rho_i * wp.dot(borne, d)
+                    mirror = real(2.0) * velocity[j] - vi
+                    slips = bool(True)
+                    if wp.static(spec.wall_no_slip):
+                        slips = slip[j - fluid_count] != wp.uint8(0)
+                    if slips:
+                        n_w = wall_normal[j - fluid_count]
+                        mirror = vi + (real(2.0) * wp.dot(velocity[j] - vi, n_w)) * n_w
                 if wp.static(spec.corrected):
                     moment -= wp.outer(d, fd)
                     own_sum += (p_wall - p_i) * fd
@@ -337,11 +345,11 @@ def make_momentum(spec: Spec) -> Any:
                     inside = wp.max(real(1.0) - r2 * params.inv_window, real(0.0))
                     room += inside * inside * wall_volume
                 if wp.static(spec.bodies and spec.shifting):
-                    wall_flow += wp.outer(mirror_velocity[j - fluid_count] - vi, fd)
+                    wall_flow += wp.outer(mirror - vi, fd)
                 if wp.static(spec.bodies and viscous):
                     # without friction the velocity mirrored is one that makes no shear stress at the surface
                     viscous_sum += (own.viscosity * f) * viscous_term(
-                        vi - mirror_velocity[j - fluid_count], d, r2 + params.tiny, params.inv_h
+                        vi - mirror, d, r2 + params.tiny, params.inv_h
                     )
                 if wp.static(spec.wall_no_slip and not spec.bodies):
                     if slip[j - fluid_count] == wp.uint8(0):

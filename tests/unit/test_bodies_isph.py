@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from warpsph.case.case import Case
+from warpsph.errors import CaseError
 from warpsph.running.model import Model
 
 DRAG = {0.1: 24.83, 0.4: 217.89}  # K = F/(mu U) of the square array (Sangani & Acrivos 1982), by solid fraction
@@ -52,7 +53,7 @@ def drag(across: int, share: float, until: float, **start: object) -> float:
 @pytest.mark.parametrize("share", [0.1, 0.4])
 def test_drag_of_cylinders_converges_with_second_order(share: float) -> None:
     coarse, fine = (drag(across, share, 0.5) for across in (24, 48))
-    assert abs(fine) < 0.02
+    assert abs(fine) < 0.01
     assert abs(coarse) > 3.0 * abs(fine)
 
 
@@ -100,8 +101,64 @@ def test_flow_between_cylinders() -> None:
     assert np.abs((v * x).sum(axis=1) / r).max() < 0.01 * turn * inner
     forces = model.wall_forces()
     torque = -4.0 * math.pi * turn * inner**2 * outer**2 / (outer**2 - inner**2)
-    assert forces["wall_torque_z inner"] / torque == pytest.approx(1.0, abs=0.03)
-    assert forces["wall_torque_z outer"] / torque == pytest.approx(-1.0, abs=0.03)
+    # beside bodies that mirror the velocity in a straight line the first is 2.3 % too large
+    assert forces["wall_torque_z inner"] / torque == pytest.approx(1.0, abs=0.01)
+    assert forces["wall_torque_z outer"] / torque == pytest.approx(-1.0, abs=0.01)
+
+
+def stokes_flow(x: np.ndarray, inner: float, outer: float, speed: float) -> tuple[np.ndarray, float]:
+    """Return the slow flow around a cylinder at rest in one that moves along x, and the force on the inner one over mu.
+
+    psi = (a r^3 + b r + c/r + d r ln r) sin(angle), and a force of 4 pi mu d.
+    """
+    rows, right = [], []
+    for r, u in ((inner, 0.0), (outer, speed)):
+        rows += [[r**2, 1.0, r**-2, math.log(r)], [-3.0 * r**2, -1.0, r**-2, -math.log(r) - 1.0]]
+        right += [u, -u]
+    a, b, c, d = np.linalg.solve(rows, right)
+    r = np.linalg.norm(x, axis=1)
+    out = (a * r**2 + b + c / r**2 + d * np.log(r)) * x[:, 0] / r
+    around = (-3.0 * a * r**2 - b + c / r**2 - d * (np.log(r) + 1.0)) * x[:, 1] / r
+    normal = x / r[:, None]
+    return out[:, None] * normal + around[:, None] * np.stack([-normal[:, 1], normal[:, 0]], axis=1), 4.0 * math.pi * d
+
+
+def test_slow_flow_around_a_cylinder_in_one_that_moves() -> None:
+    inner, outer, speed = 0.3, 1.0, 1.0e-4  # it stays where it is: a ten-thousandth of a spacing a step
+    spacing = (outer - inner) / 20
+    half = outer + 5 * spacing
+    circles = {"inner": inner, "outer": outer}
+    model = Model(
+        Case.from_dict(
+            {
+                "dimension": 2,
+                "particle_spacing": spacing,
+                "end_time": 1.0,
+                "domain": {"lower": [-half, -half], "upper": [half, half], "boundary": {"x": "periodic", "y": "periodic"}},
+                "phases": {"oil": {"density": 1.0, "viscosity": 1.0}},
+                "fluids": [{"phase": "oil", "shape": {"sphere": {"center": [0, 0], "radius": outer}}}],
+                "bodies": {
+                    name: {"shape": {"sphere": {"center": [0, 0], "radius": radius}}, "hollow": name == "outer"}
+                    for name, radius in circles.items()
+                },
+                "scales": {"velocity": speed},
+                "numerics": {"scheme": "isph"},
+            }
+        )
+    )
+    particles, fluid = model.particles, model.geometry.fluid_count
+    velocity = particles.get("velocity")
+    velocity[fluid:][particles.get("wall_body") == 2] = [speed, 0.0]
+    particles.put("velocity", velocity)
+    model.stepper.prepare(True)
+    model.stepper.run(0.3, 10**6)
+    exact, push = stokes_flow(particles.get("position")[:fluid].astype(float), inner, outer, speed)
+    # 3.6 % where the mirrored velocity is a straight line, 1.5 % if it is one in the divergence alone
+    assert np.abs(particles.get("velocity")[:fluid] - exact).max() < 0.01 * speed
+    forces = model.wall_forces()
+    # 1.9 % of it is the fit at the surface, of the exact velocity and pressure
+    assert forces["wall_force_x inner"] == pytest.approx(push, rel=0.03)
+    assert forces["wall_force_x outer"] == pytest.approx(-push, rel=0.01)
 
 
 TANK = {
@@ -139,3 +196,54 @@ def test_dam_break_onto_a_cylinder(wall: str, viscosity: float) -> None:
     assert (np.linalg.norm(x - [1.8, 0.3], axis=1) > 0.2).all()
     energy = (0.5 * (v**2).sum(axis=1) + 9.81 * x[:, 1]).mean()
     assert energy < 9.81 * 0.5  # what it began with
+
+
+def test_closed_box_at_rest() -> None:
+    """Without a surface the pressure is known up to a constant, and the solves of a fluid at rest begin at their end."""
+    model = run(
+        {
+            **TANK,
+            "domain": {"lower": [0, 0], "upper": [1, 1], "boundary": {"x": "wall", "y": "wall"}},
+            "fluids": [{"phase": "water", "shape": "rest"}],
+            "bodies": {"cylinder": {"shape": {"sphere": {"center": [0.52, 0.43], "radius": 0.15}}}},
+            "start": {"noise": 0.1},
+        },
+        0.2,
+    )
+    solves = model.stepper.levels[0].systems.report()
+    assert solves["failures"] == 0
+    assert solves["worst_iterations"] <= 10
+    force = model.wall_forces()["wall_force_y cylinder"]
+    assert force == pytest.approx(1000.0 * 9.81 * math.pi * 0.15**2, rel=1e-3)
+    assert np.abs(model.particles.get("velocity")).max() < 1e-5
+
+
+def standing(lower: list, upper: list, wall: str, **numerics: object) -> dict:
+    """Return a case of water at rest around a box in a tank 2 m wide, 20 spacings a metre."""
+    return {
+        **TANK,
+        "particle_spacing": 1.0 / 20,
+        "domain": {**TANK["domain"], "upper": [2, 1.2]},
+        "phases": {"water": {"density": 1000.0, "viscosity": 1.0 if wall == "no_slip" else 0.0}},
+        "fluids": [{"phase": "water", "shape": {"box": {"lower": [0, 0], "upper": [2, 0.8]}}}],
+        "bodies": {"box": {"shape": {"box": {"lower": lower, "upper": upper}}, "wall": wall}},
+        "numerics": {"scheme": "isph", **numerics},
+    }
+
+
+@pytest.mark.parametrize("wall", ["no_slip", "free_slip"])
+@pytest.mark.parametrize(
+    ("lower", "upper", "most"),
+    # of whole cells: to rounding; one that cuts cells: at most a hundredth of the speed of a wave
+    [([0.9, 0.0], [1.3, 0.4], 1e-5), ([0.82, 0.0], [1.23, 0.41], 0.01), ([0.0, 0.0], [0.43, 0.41], 0.01)],
+)
+def test_a_body_that_stands_on_a_side(lower: list, upper: list, wall: str, most: float) -> None:
+    model = run(standing(lower, upper, wall), 0.5)
+    assert model.leaks()[0]["water"] == 0
+    assert np.abs(model.particles.get("velocity")).max() < most * math.sqrt(9.81 * 0.8)
+
+
+def test_the_conservative_gradient_is_refused_beside_a_body_that_cuts_cells() -> None:
+    with pytest.raises(CaseError) as caught:
+        Model(Case.from_dict({**standing([0.82, 0.2], [1.23, 0.61], "no_slip", formulation="paper"), "end_time": 1.0}))
+    assert [problem.path for problem in caught.value.problems] == ["numerics.pressure_gradient"]

@@ -7,7 +7,7 @@ import pytest
 
 from tests.helpers import Bench, Fluid, lattice
 from warpsph.case.case import Case
-from warpsph.kernels.core.leaks import SUNK
+from warpsph.kernels.core.leaks import INSIDE, SUNK
 from warpsph.kernels.core.spec import Spec
 from warpsph.kernels.riemann.star import make_one_sided
 from warpsph.running.model import Model
@@ -332,3 +332,30 @@ def test_leaks_are_counted_by_phase_and_warned_of(tmp_path):
     assert "beyond a wall" in (tmp_path / "run" / "log.txt").read_text()
 
 
+@pytest.mark.parametrize("numerics", [{}, {"scheme": "isph", "pressure_gradient": "conservative"}])
+def test_leaks_into_bodies_of_cells_are_counted(numerics):
+    """Several fluids leave a body of whole cells as cells; so does the conservative gradient of a scheme that mirrors."""
+    phases = {"water": {"density": 1000, "viscosity": 0.1}, "oil": {"density": 900, "viscosity": 0.1}}
+    fluids = [{"phase": "water", "shape": {"box": {"lower": [0, 0], "upper": [0.3, 0.3]}}}]
+    several = not numerics
+    if several:
+        fluids.append({"phase": "oil", "shape": "rest"})
+    case = closed(
+        bodies={"block": {"shape": {"box": {"lower": [0.4, 0.4], "upper": [0.6, 0.6]}}}},
+        phases=phases if several else {"water": phases["water"]},
+        fluids=fluids,
+        numerics=numerics,
+        end_time=1e-4,
+    )
+    model = Model(case, threads=2)
+    assert not model.physics.spec.bodies
+    assert sum(model.leaks()[0].values()) == 0
+    cell = 0.4 + 0.5 * case.spacing
+    off = INSIDE * case.spacing
+    position = model.particles.get("anchor")
+    water = np.flatnonzero(model.particles.get("phase") == 0) if several else np.arange(10)
+    position[water[:3]] = [[cell - 0.9 * off, cell], [cell - 1.1 * off, cell], [-0.01, 0.5]]
+    for name in ("anchor", "position"):
+        model.particles.put(name, position)
+    model.stepper.rebuild(moving=False)
+    assert model.leaks()[1]["water"] == 2

@@ -464,4 +464,5 @@ def test_the_state_has_room_for_every_entry():
         "GOAL2",
     ]
     names += ["RHS_MEAN", "SOLUTION_MEAN", "FRESH", "SHADOW2", "ROWS", "RESIDUAL_MEAN", "SINGULAR", "PEAK2", "REPLACING"]
+    names += ["SCALED_MEAN"]
     assert sorted(getattr(entry, name) for name in names) == list(range(entry.STATE_SIZE))

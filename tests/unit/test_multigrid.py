@@ -406,6 +406,30 @@ def test_a_closed_system_that_nobody_called_singular(bench, precision, device):
     np.testing.assert_array_equal(cycle.x.numpy(), expected.x.numpy())
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_a_good_start_of_a_closed_system_is_no_harm(bench, seed, device):
+    """What rounding leaves of the sum of a small residual must not fill the search with a constant."""
+    system = bench.make_system("closed", 2, 1600)
+    n = len(system.diagonal)
+    rng = np.random.default_rng(seed)
+    rows = np.repeat(np.arange(n), np.diff(system.pointers))
+    # the two ends of a pair compute its entry each, and differ in the last digits
+    system.values *= 1.0 + rng.uniform(-3.0e-7, 3.0e-7, len(rows))
+    system.diagonal = -np.bincount(rows, system.values, n)
+    pressure = 100.0 * system.position[:, 1]
+
+    def product(x):
+        return np.bincount(rows, system.values * (x[system.columns] - x[rows]), n)
+
+    system.rhs = product(pressure)
+    cycle = Cycle(bench, system, "float32", device)
+    away = rng.standard_normal(n)
+    away *= 3.0e-5 * np.linalg.norm(system.rhs) / np.linalg.norm(product(away))
+    cycle.x.assign((pressure + away).astype(np.float32))
+    result = cycle.solver.solve(cycle.rhs, cycle.x)
+    assert result.converged and result.iterations <= 10, result
+
+
 def test_the_work_follows_the_fluid_in_a_wide_box(bench):
     """On a CPU a box twenty times as wide adds no cells, and nodes of small levels alone."""
     system = bench.make_system("free", 2, 5000)

@@ -37,7 +37,8 @@ def check_open_sides(case: Any, _folder: Path | None, _raw: Any) -> Problems:
             if end.kind == "open":
                 rule = "fluid would fly away there, which inlets and outlets do not go with"
                 yield Problem(f"domain.boundary.{AXES[k]}.{name}", "open", rule, "make it a wall, an inlet or an outlet")
-    if all(flow.given_velocity is not None for flow in (other.flow for _, _, other in found)):
+    given = all(other.flow.given_velocity is not None for _, _, other in found)
+    if given and not case.scheme.free_pressure:
         rule = "leaves the pressure free: no side gives one"
         yield Problem(f"{path}.{word}", word, rule, "make one side an outlet: {pressure: 0}")
     if len(case.phases) > 1:

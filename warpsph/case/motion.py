@@ -66,7 +66,7 @@ def check_motion(path: str, motion: Any, dimension: int, folder: Path | None, en
         yield Problem(f"{path}.axis", list(motion.axis), "needs a direction for the rotation", "write e.g. axis: [0, 0, 1]")
     for key, signal in motion.signals():
         yield from check_signal(f"{path}.{key}", signal, folder, end_time)
-    if not motion.translation and not motion.turns:
+    if not motion.turns and not any(is_signal(value) or value != 0.0 for value in motion.translation):
         yield Problem(path, "", "moves nothing", "write translation or rotation, or delete it")
     entries = [*((f"translation.{k}", v) for k, v in enumerate(motion.translation)), ("rotation", motion.rotation)]
     for key, value in entries:

@@ -53,10 +53,10 @@ class OpenSide(CaseModel):
     )
     waves: _Waves = Field(default="reflect", description="whether sound is thrown back", examples=["leave"])
     relaxation: Annotated[float, NumberRule(above=0, most=100)] = Field(
-        default=0.25,
+        default=0.1,
         description="rate at which the mean comes back to what is given where waves leave, in sound speeds over the length "
         "of the domain",
-        examples=["0.1"],
+        examples=["0.25"],
     )
     sponge: Sponge | None = Field(
         default=None, description="layer inside that damps what comes near", examples=["{length: 1}"]

@@ -20,7 +20,7 @@ from warpsph.engine.population import Population
 from warpsph.errors import CapacityError
 from warpsph.kernels.core import cells, slack, visibility
 from warpsph.kernels.core.clock import make_judge
-from warpsph.kernels.core.leaks import make_leaks, make_sunk
+from warpsph.kernels.core.leaks import make_in_cells, make_leaks, make_sunk
 from warpsph.kernels.core.mirror import code_shift, make_sides
 from warpsph.kernels.core.spec import Spec, types_of
 
@@ -79,6 +79,7 @@ class NeighbourList:
         support: support radius of the smoothing kernel [m].
         skin: skin as share of the support.
         width: entries a particle may have at first.
+        cell_bodies: whether there are bodies that are made of cells.
     """
 
     def __init__(
@@ -92,8 +93,10 @@ class NeighbourList:
         support: float,
         skin: float,
         width: int,
+        cell_bodies: bool = False,
     ) -> None:
         self.particles = particles
+        self._seeks_bodies = particles.spec.bodies or cell_bodies
         self.launcher = launcher
         self.bindings = bindings
         self.support = support
@@ -255,7 +258,7 @@ class NeighbourList:
                 )
             )
             tasks.append(Task("permute", _copier(array, scratch, rows)))
-        if not spec.bodies:
+        if not self._seeks_bodies:
             tasks += self.leak_tasks("anchor")
         tasks.append(launcher.task("ranges", cells.make_ranges(), self.cell_start.shape[0], bindings))
         if spec.changing:
@@ -264,7 +267,7 @@ class NeighbourList:
         tasks.append(launcher.task("list", cells.make_list(spec), n, bindings))
         if spec.tails:
             tasks += self._sight_tasks()
-        if spec.bodies:
+        if self._seeks_bodies:
             tasks += self.leak_tasks("anchor")  # they look at the list
         if spec.interface:
             mark, gather = cells.make_band(spec)
@@ -307,8 +310,9 @@ class NeighbourList:
         fluid = self.particles.fluid_capacity
         special = {"place": self.particles.arrays[place]}
         tasks = [self.launcher.task("leaks", count, fluid, self.bindings, special=special)]
-        if self.spec.bodies:
-            tasks.append(self.launcher.task("leaks", make_sunk(self.spec), fluid, self.bindings))
+        if self._seeks_bodies:
+            inside = make_sunk(self.spec) if self.spec.bodies else make_in_cells(self.spec)
+            tasks.append(self.launcher.task("leaks", inside, fluid, self.bindings))
         tasks.append(self.launcher.task("leaks", close, 1, self.bindings, single=True))
         return tasks
 

@@ -273,6 +273,7 @@ class Model:
             "support": physics.support,
             "skin": skin,
             "width": int(width),
+            "cell_bodies": bool(case.bodies) and not spec.bodies,
         }
 
     def _clock_start(self) -> tuple[np.ndarray, np.ndarray]:

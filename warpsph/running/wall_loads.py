@@ -7,8 +7,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import warp as wp
 
+from warpsph.kernels.core import clock as ck
 from warpsph.kernels.core.spec import types_of
 from warpsph.kernels.core.torques import make_load_torque
+from warpsph.scene.forcing import forcing_of
 
 if TYPE_CHECKING:
     from warpsph.case.case import Case
@@ -23,7 +25,7 @@ class WallLoads:
     """What the fluid does to the walls of a run.
 
     Attributes:
-        pivots: (bodies, d), centre of the surface of each wall body [m]; 0 for those without a surface of their own.
+        home: (bodies, d), centre of the surface of each wall body at time 0 [m]; 0 for those without a surface of their own.
     """
 
     def __init__(
@@ -38,7 +40,8 @@ class WallLoads:
         self.case, self.names = case, geometry.body_names
         self.particles, self.launcher, self.stepper, self.sums = particles, launcher, stepper, sums
         self.vec = types_of(particles.spec).vec
-        self.pivots = self._centres(geometry)
+        self.home = self._centres(geometry)
+        self.tracks = forcing_of(case).tracks
         self._arrays: dict[str, Any] = {}
 
     def measure(self) -> Any:
@@ -55,16 +58,17 @@ class WallLoads:
 
         The sides of the domain count as one body, `domain`; every other body is one of its own. Of these also
         the part of friction, `wall_friction_x <body>`, the torque about the centre of the surface, `wall_torque_z <body>`
-        (3-D: x, y, z) [N m], and that centre, `wall_centre_x <body>` [m].
+        (3-D: x, y, z) [N m], and that centre, `wall_centre_x <body>` [m], which moves with the body.
         """
         load = self.measure()
         forces = self._named("wall_force", "xyz", load)
         if self.particles.spec.bodies:
             axes = "xyz" if self.particles.spec.dimension == 3 else "z"
             forces |= self._named("wall_friction", "xyz", self.stepper.bindings["friction"])
-            forces |= self._named("wall_torque", axes, self._torque(load))
+            centres = self._present()
+            forces |= self._named("wall_torque", axes, self._torque(load, centres))
             for name in self.case.bodies:
-                centre = self.pivots[self.names.index(name)]
+                centre = centres[self.names.index(name)]
                 forces |= {f"wall_centre_{axis} {name}": float(x) for axis, x in zip("xyz", centre, strict=False)}
         return forces
 
@@ -80,12 +84,21 @@ class WallLoads:
                 result[f"{quantity}_{axis} {name}"] = float(value)
         return result
 
-    def _torque(self, load: Any) -> Any:
-        """Return the torque of the force on each wall particle about the centre of its body, as vectors [N m]."""
+    def _present(self) -> np.ndarray:
+        """Return where the centres are now, (bodies, d) [m]."""
+        result = self.home.copy()
+        time = float(self.stepper.read()[0][ck.TIME])
+        for track in self.tracks:
+            k = self.names.index(track.name)
+            result[k] = track.place(self.home[k], time)
+        return result
+
+    def _torque(self, load: Any, centres: np.ndarray) -> Any:
+        """Return the torque of the force on each wall particle about the centre (bodies, d) of its body [N m]."""
         spec, device = self.particles.spec, self.launcher.device
         special: dict[str, Any] = {
             "fluid_count": self.particles.fluid_capacity,
-            "pivots": wp.array(self.pivots, dtype=self.vec, device=device),
+            "pivots": wp.array(centres, dtype=self.vec, device=device),
             "load": load,
             "torque": self._array("torque"),
         }

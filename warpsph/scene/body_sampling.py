@@ -70,6 +70,16 @@ class Sampling:
         columns = {name: getattr(self, name)[kept] for name in _COLUMNS}
         return replace(self, **columns).led()
 
+    def reflected(self, rows: NDArray[np.intp], axis: int, plane: float) -> Sampling:
+        """The particles, then the images of some `rows` across the plane at right angles to an axis at `plane`, m."""
+        columns: dict[str, Any] = {name: getattr(self, name) for name in _COLUMNS}
+        columns = {name: np.concatenate([column, column[rows]]) for name, column in columns.items()}
+        for name in ("position", "foot"):
+            columns[name][self.count :, axis] = 2.0 * plane - columns[name][self.count :, axis]
+        columns["normal"][self.count :, axis] *= -1.0
+        columns["area"][self.count :] = 0.0
+        return replace(self, **columns)
+
     def carriers(self) -> NDArray[np.intp]:
         """Which frame each particle carries (n,), -1 for none: every frame moves with a particle of a tail, the nearest
         free one."""

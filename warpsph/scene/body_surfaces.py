@@ -41,12 +41,15 @@ class Solid:
     filling: (m, d), particles that fill its layers once, m: fluid is arranged beside them
     distance: of the middle of each cell of the lattice from the surface, m, negative in the body; infinite two spacings and
         more beyond the box around the shape
+    stout: it has no thin tail, nor would have one if it went on into the wall that it ends on,
+        and the scheme has no mirrors beside inlets
     """
 
     surface: Surface
     sampling: Sampling
     filling: NDArray[np.float64]
     distance: NDArray[np.float64]
+    stout: bool
 
     def on_lattice(self, spacing: float) -> bool:
         """Whether the surface runs between cells of the lattice wherever it is."""
@@ -89,10 +92,10 @@ def surface_of(case: Case, body: Body, low: NDArray[np.float64], high: NDArray[n
 def rooted(case: Case, body: Body, lattice: Lattice, support: float) -> Body:
     """A body whose box ends on a wall of the domain, gone on into the wall: no fluid is before the face that is there.
 
-    support: reach of the smoothing kernel, m; the box goes on twice as far. Beyond a side that mirrors there is nothing.
+    support: reach of the smoothing kernel, m; the box goes on twice as far.
     """
     box = body.shape.box
-    if box is None or body.hollow or case.scheme.mirrors_sides:
+    if box is None or body.hollow:
         return body
     lower, upper = list(box.lower), list(box.upper)
     for k, (sides, spacing) in enumerate(zip(case.sides, lattice.spacing, strict=True)):
@@ -104,19 +107,35 @@ def rooted(case: Case, body: Body, lattice: Lattice, support: float) -> Body:
     return body.model_copy(update={"shape": body.shape.model_copy(update={"box": grown})})
 
 
+def with_images(sampling: Sampling, case: Case, lattice: Lattice, support: float) -> Sampling:
+    """The boundary particles of a body and their images beyond the sides of the domain that mirror the fluid.
+
+    Beside a body that ends on such a side the images of the fluid would leave its place free beyond the side. An image has
+    no area and the leader of its particle.
+
+    support: reach of the smoothing kernel, m; the images are as deep.
+    """
+    for k, sides in enumerate(case.sides):
+        for side, plane in ((sides.lower, lattice.lower[k]), (sides.upper, lattice.upper[k])):
+            near = np.flatnonzero(np.abs(sampling.position[:, k] - plane) < support)
+            if side.kind == "wall" and len(near):
+                sampling = sampling.reflected(near, k, plane)
+    return sampling
+
+
 def make_solids(
     case: Case, lattice: Lattice, support: float, problems: list[Problem], warnings: list[str]
 ) -> list[Solid]:
     """The bodies of a case, in their order; where two overlap, the first has the particles.
 
     support: reach of the smoothing kernel, m; the layers of boundary particles are as deep, and as far a body sticks out of
-        an open side of the domain. It ends with the domain at other sides.
+        an open side of the domain, an inlet or an outlet. It ends with the domain at other sides.
     warnings: what the user should know is added.
     """
     spacing = case.spacing
     layers = math.ceil(support / spacing - 1e-9)
     beyond = np.array(
-        [[layers * s * (side.kind == "open") for side in (sides.lower, sides.upper)]
+        [[layers * s * (side.kind in ("open", "inlet", "outlet")) for side in (sides.lower, sides.upper)]
          for sides, s in zip(case.sides, lattice.spacing, strict=True)]
     )  # fmt: skip
     low, high = np.array(lattice.lower) - beyond[:, 0], np.array(lattice.upper) + beyond[:, 1]
@@ -137,18 +156,29 @@ def make_solids(
             problems.append(thin)
             continue
         sampling = sample(surface, spacing, layers, low.tolist(), high.tolist())
+        stout = not sampling.sheet.any()
+        if case.scheme.mirrors_sides and (case.has_flow_through or not stout):
+            # a tail that stands on a mirror would need lines of sight to its images; beside inlets bodies are cells
+            stout = False
+            surface = surface_of(case, body, low, high)
+            sampling = sample(surface, spacing, layers, low.tolist(), high.tolist())
         inside = np.zeros(sampling.count, dtype=np.bool_)
         for other in solids:
             inside |= other.surface.signed_distance(sampling.position) < 0.0
         sampling = sampling.only(~inside)
+        distance = _cell_distance(surface, lattice)
         if sampling.count == 0:
             rule = f"holds no particle of its own: it is outside the domain or inside another body (spacing {spacing:g} m)"
+            if (distance < 0.0).all():
+                rule = "leaves no room for fluid: it fills the whole domain"
             problems.append(Problem(path, body.shape.kind, rule, "move or enlarge it, or delete it"))
             continue
         filling = sampling.position
         if sampling.sheet.any():
             filling = layers_of(surface, spacing, layers).position
-        solids.append(Solid(surface, sampling, filling, _cell_distance(surface, lattice)))
+        if case.scheme.mirrors_sides and stout and body.motion is None:
+            sampling = with_images(sampling, case, lattice, support)
+        solids.append(Solid(surface, sampling, filling, distance, stout))
     return solids
 
 

@@ -60,6 +60,7 @@ class Geometry:
     body_names: name of the k-th wall body at position k - 1: `x_lower`, `y_upper`, ..., then the bodies
     blocked: number of cells of the domain that hold no fluid because of bodies
     cut: names of the bodies whose surface cuts cells of the lattice
+    stout: whether no body has a thin tail, nor would have one if it went on into the wall that it ends on
     at_open_side: whether a cell that no body takes lies at an open side of the domain
     surface: where the surface of the walls is, seen from each wall particle; None without bodies
     lattice: the cells that the particles come from; its `lower` and `upper` are where the walls stand
@@ -81,6 +82,7 @@ class Geometry:
     body_names: tuple[str, ...]
     blocked: int
     cut: tuple[str, ...]
+    stout: bool
     at_open_side: bool
     surface: Surroundings | None
     lattice: Lattice
@@ -194,6 +196,7 @@ def build(case: Case, support: float, unlock: float = 0.0, arrange: Arrange | No
         body_names=tuple(walls.names),
         blocked=0 if covered is None else int(np.count_nonzero(covered)),
         cut=tuple(cut),
+        stout=all(solid.stout for solid in walls.solids),
         at_open_side=_at_open_side(case, np.ones(lattice.count, np.bool_) if covered is None else ~covered),
         surface=surface,
         lattice=lattice,

@@ -26,7 +26,8 @@ class Surroundings:
 
     normal: (n, d), unit vector from the wall into the fluid, at the foot
     depth: (n,), distance from the foot, the nearest point of the surface, m
-    area: (n,), area of the surface that a particle of the first layer stands for, 0 for those beneath, m^(d-1)
+    area: (n,), area of the surface that a particle of the first layer stands for, 0 for those beneath, m^(d-1); negative
+        where its foot is beyond an inlet or outlet, so that it counts in no force
     volume: (n,), m^d
     leader: (n,) int, row of the particle of the first layer that is nearest to the foot
     sheet: (n,) int, side of a thin tail through which alone a particle is seen, 1 or -1; 0 for all others
@@ -46,12 +47,20 @@ class Surroundings:
     frames: Frames
 
 
-def surroundings_of_sides(position: NDArray[np.float64], lattice: Lattice) -> Surroundings:
-    """The surface of the sides of the domain, seen from the middles (n, d) of cells beyond them, m."""
+def surroundings_of_sides(
+    position: NDArray[np.float64], lattice: Lattice, through: NDArray[np.bool_] | None = None
+) -> Surroundings:
+    """The surface of the sides of the domain, seen from the middles (n, d) of cells beyond them, m.
+
+    through: (d, 2), which sides are inlets or outlets: beyond them the walls beside go on straight.
+    """
     from scipy.spatial import cKDTree
 
     n = len(position)
-    foot = np.clip(position, lattice.lower, lattice.upper)
+    lower, upper = np.array(lattice.lower), np.array(lattice.upper)
+    if through is not None:
+        lower, upper = np.where(through[:, 0], -np.inf, lower), np.where(through[:, 1], np.inf, upper)
+    foot = np.clip(position, lower, upper)
     way = foot - position
     depth = np.linalg.norm(way, axis=1)
     normal = way / np.maximum(depth, 1e-300)[:, None]
@@ -174,7 +183,7 @@ class WallCells:
         """Where the surface is, seen from each wall particle; see `Surroundings`."""
         lattice = self.lattice
         known = sum(solid.sampling.count for solid in self.solids)
-        sides = surroundings_of_sides(self.position[: self.count - known], lattice)
+        sides = surroundings_of_sides(self.position[: self.count - known], lattice, self._through())
         parts, first, first_frame = [sides], len(sides.depth), 0
         for solid in self.solids:
             s = solid.sampling
@@ -188,7 +197,19 @@ class WallCells:
             first_frame += s.frames.count
         names = ("normal", "depth", "area", "volume", "leader", "sheet", "frame", "carried")
         columns = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
+        foot = self.position + columns["normal"] * columns["depth"][:, None]
+        columns["area"] = np.where(self._beyond(foot), -columns["area"], columns["area"])
         return Surroundings(**columns, frames=Frames.joined([part.frames for part in parts], lattice.dimension))
+
+    def _through(self) -> NDArray[np.bool_]:
+        """Which sides of each axis are inlets or outlets, (d, 2)."""
+        return np.array([[side.flow is not None for side in (axis.lower, axis.upper)] for axis in self.case.sides])
+
+    def _beyond(self, point: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Which points (n, d) are beyond an inlet or outlet, m."""
+        through = self._through()
+        below = (point < self.lattice.lower) & through[:, 0]
+        return np.asarray((below | ((point > self.lattice.upper) & through[:, 1])).any(axis=1))
 
     def _append(self, cells: tuple[NDArray[np.intp], ...], velocity: Any, slip: Any, body: Any, sides: Any) -> None:
         self._append_at(points_of(self.lattice.axes(), cells), velocity, slip, body, sides)

@@ -7,9 +7,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from warpsph.errors import MISSING, CaseError, Problem
 from warpsph.kernels.core.smoothing import KERNELS, make_smoothing
 from warpsph.kernels.core.spec import Spec
 from warpsph.scene.forcing import forcing_of
+from warpsph.scene.open_faces import open_axis
 from warpsph.scene.physics import VISCOUS_LIMIT, Physics, check_periods, flow_scales, has_room, smoothing_ratio
 from warpsph.schemes.isph_numerics import IsphNumerics
 
@@ -26,6 +28,9 @@ CHANGE = 0.05
 # Longest step without friction over that of explicit friction from which on implicit friction pays: both take the same time
 # at a ratio of 1.6, implicit friction 0.4 of it at 3.2 (scripts/isph_viscosity.py).
 WORTH = 2.0
+# Longest step beside bodies over h^2/nu. Of what the pressure lacks at the scale of h a share h^2/(nu dt) comes in a step:
+# through cylinders in Stokes flow the force on one is 7 % off with steps of 30 h^2/nu, and as with short steps with 8.
+LAG = 8.0
 
 
 def row_shares(spec: Spec, ratio: float) -> tuple[float, float]:
@@ -67,6 +72,32 @@ def _slides(case: Case) -> bool:
     return any(end.kind == "wall" and end.wall == "free_slip" for axis in case.sides for end in (axis.lower, axis.upper))
 
 
+def _check_open(case: Case, geometry: Geometry, filled: bool, gradient: str) -> None:
+    """Refuse what inlets and outlets do not go with. Raises CaseError.
+
+    These are a free surface, bodies that cut cells or move, and the conservative gradient, which throws particles about
+    where rows come in beside a disordered fluid.
+    """
+    if not case.has_flow_through:
+        return
+    problems = []
+    if gradient != "corrected":
+        rule = "makes a flow through inlets and outlets unstable"
+        problems.append(Problem("numerics.pressure_gradient", gradient, rule, "write pressure_gradient: corrected"))
+    if not filled:
+        rule = "leave room in the domain; with inlets or outlets the fluid has to fill it"
+        problems.append(Problem("fluids", MISSING, rule, "add {phase: ..., shape: rest} at the end"))
+    for name, body in case.bodies.items():
+        if body.motion is not None:
+            problems.append(Problem(f"bodies.{name}.motion", MISSING, "does not go with inlets and outlets", "delete it"))
+        if name in geometry.cut:
+            rule = "cuts cells of the lattice, which does not go with inlets and outlets"
+            remedy = "use a box whose faces lie between particles, or periodic sides and a body_force"
+            problems.append(Problem(f"bodies.{name}.shape", body.shape.kind, rule, remedy))
+    if problems:
+        raise CaseError(problems)
+
+
 def derive(case: Case, geometry: Geometry, row_list: bool) -> Physics:
     """Return the physics of an ISPH case whose particles are known; see `physics.derive`."""
     numerics = case.numerics
@@ -86,6 +117,7 @@ def derive(case: Case, geometry: Geometry, row_list: bool) -> Physics:
         return choices[key]
 
     gradient = choose("pressure_gradient", "conservative" if paper else "corrected", "exact for a linear pressure")
+    _check_open(case, geometry, filled, str(gradient))
     form = choose("viscosity_form", "morris" if paper or filled else "radial", "right damping at a free surface")
     choose("smoothing_ratio", smoothing_ratio(case), "least noise")
     shifting = choose("shifting", 16.0, "keeps the particles evenly spaced")
@@ -121,21 +153,33 @@ def derive(case: Case, geometry: Geometry, row_list: bool) -> Physics:
         limit = VISCOUS_LIMIT[viscosity] * (EXTRAPOLATED if int(order) == 2 else 1.0)
         explicit = limit * h * h * phase.density / phase.viscosity
     velocity = scales["velocity"]
+    if case.has_flow_through and velocity > 0:
+        cap["inlets and outlets"] = float(choices["courant"]) * h / velocity  # of what they may do in the coming step
     longest = min(float(choices["courant"]) * h / velocity if velocity > 0 else math.inf, *cap.values(), case.end_time)
     reason = "no friction"
     if viscous:
         reason = f"explicit friction allows steps of {explicit:.3g} s, all else of {longest:.3g} s"
     implicit = choose("implicit_viscosity", viscous and not paper and WORTH * explicit < longest, reason)
     implicit = viscous and bool(implicit)
+    # Of whole cells and at rest they can mirror the fluid cell by cell. That is for the conservative gradient, which has no
+    # other pressure of theirs, and for thin ones, beside which the fit leaks.
+    fitted = geometry.surface is not None and gradient == "corrected" and geometry.stout
+    bodies = fitted or bool(geometry.cut) or bool(forcing.tracks)
+    if bodies and gradient != "corrected":
+        rule = "has no pressure of bodies that cut cells of the lattice or move"
+        remedy = "write corrected, or make the bodies of whole cells that stay where they are"
+        raise CaseError([Problem("numerics.pressure_gradient", str(gradient), rule, remedy)])
     if viscous and not implicit:
         cap["viscosity"] = explicit
+    elif implicit and bodies:
+        cap["pressure at bodies"] = LAG * h * h * phase.density / phase.viscosity
     spec = Spec(
         dimension=case.dimension,
         precision=case.precision,
         kernel=numerics.kernel,
         periodic=tuple(case.periodic),
         walls=geometry.wall_count > 0,
-        bodies=bool(geometry.cut) or bool(forcing_of(case).tracks),  # those of whole cells mirror the fluid cell by cell
+        bodies=bodies,
         tails=geometry.surface is not None and geometry.surface.frames.count > 0,
         wall_no_slip=viscous and bool((geometry.wall_slip[geometry.kind == 1] == 0).any()),
         viscosity=viscosity,
@@ -149,6 +193,8 @@ def derive(case: Case, geometry: Geometry, row_list: bool) -> Physics:
         shifting=float(shifting) > 0 or not filled,  # collisions at a free surface come with it
         free_surface=not filled,
         scheme="isph",
+        changing=case.has_flow_through,
+        open_axis=open_axis(case),
         mirror=any("wall" in (axis.lower.kind, axis.upper.kind) for axis in case.sides),
         second_order=int(order) == 2,
         implicit_viscosity=implicit,

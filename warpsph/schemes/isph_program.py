@@ -19,10 +19,21 @@ from warpsph.kernels.core.wall import make_wall
 from warpsph.kernels.core.wall_fit import make_wall_fit, make_wall_rows, make_wall_values
 from warpsph.kernels.isph.body_pressure import make_body_source, make_look_ahead
 from warpsph.kernels.isph.diffusion import make_diffusion
+from warpsph.kernels.isph.open_projection import (
+    make_buffer_pressure,
+    make_buffer_velocity,
+    make_open_source,
+    make_rows,
+    make_rows_outside,
+    make_side_given,
+    make_side_pressure,
+    make_side_velocity,
+)
 from warpsph.kernels.isph.pressure import make_accept, make_assemble, make_correct
 from warpsph.kernels.isph.projection import make_advect, make_predict, make_settle
 from warpsph.kernels.isph.regularise import make_regularise
 from warpsph.kernels.isph.surface import make_surface
+from warpsph.schemes.open_stages import crossing, fill
 
 # Solves of the first step: the pressure equation refers to the last pressure gradient, which is not known yet.
 FIRST_PASSES = 8  # each leaves a tenth of the error
@@ -33,17 +44,32 @@ def program(spec: Spec) -> Program:
     measures: dict[str, list[Node]] = {}
     if spec.bodies:
         measures["wall_load"] = [
-            Stage("wall_fit", make_wall_fit(spec), "wall", "wall-force gauge: quadratic fit of the velocity"),
+            Stage("wall_fit", make_wall_fit(spec, across=True), "wall", "wall-force gauge: fit of pressure and velocity"),
             Stage("surface_load", make_surface_load(spec), "wall", "wall-force gauge"),
         ]
     return Program(
-        step=step(spec), start=start(spec), advance=advance(spec), first=first(spec), measures=measures, keeps_list=False
+        step=step(spec),
+        start=start(spec),
+        advance=advance(spec),
+        first=first(spec),
+        measures=measures,
+        keeps_list=False,
+        changes=crossing(spec),
     )
 
 
 def step(spec: Spec) -> list[Node]:
     """Return the nodes of one time step, in order."""
-    return [*signals(spec), *move(spec), BuildList(), *look(spec), *friction(spec), *pressure(spec), *finish(spec)]
+    return [
+        *signals(spec),
+        *move(spec),
+        BuildList(),
+        *open_given(spec),
+        *look(spec),
+        *friction(spec),
+        *pressure(spec),
+        *finish(spec),
+    ]
 
 
 def first(spec: Spec) -> list[Node]:
@@ -53,6 +79,7 @@ def first(spec: Spec) -> list[Node]:
         *signals(spec),
         *move(spec),
         BuildList(),
+        *open_given(spec),
         *look(spec),
         *friction(spec),
         *pressure(spec),
@@ -64,13 +91,23 @@ def first(spec: Spec) -> list[Node]:
 def start(spec: Spec) -> list[Node]:
     """Return the nodes that find the gradient of the start pressure, which the surface stage would overwrite."""
     seen = [stage for stage in look(spec) if stage.name not in ("surface", "fragments")]
-    return [*signals(spec), *bodies(spec), BuildList("the first list"), *seen, _gradient(spec)[-1]]
+    return [
+        *signals(spec),
+        *bodies(spec),
+        *fill(spec),
+        BuildList("the first list"),
+        *open_velocity(spec, beginning=1),
+        *open_given(spec),
+        *open_pressure(spec),
+        *seen,
+        _gradient(spec)[-1],
+    ]
 
 
 def _gradient(spec: Spec) -> list[Stage]:
     """Return the stages that take the pressure and its gradient over, and leave the velocity."""
-    accept, correct = take(spec)
-    return [accept, dataclasses.replace(correct, values={"advancing": 0})]
+    *accept, correct = take(spec)
+    return [*accept, dataclasses.replace(correct, values={"advancing": 0})]
 
 
 def pressure(spec: Spec) -> list[Node]:
@@ -104,7 +141,46 @@ def signals(spec: Spec) -> list[Stage]:
 def move(spec: Spec) -> list[Stage]:
     """Return the stage before the neighbour list of the step."""
     stages = [Stage("advect", make_advect(spec), "fluid", "moves the particles; the list is built after it")]
+    if spec.open_axis >= 0:
+        sites, rows = make_rows(spec)
+        before = [
+            Stage("site_way", sites, "site_side", "rows that follow at inlets"),
+            Stage("row_way", rows, "fluid", "speed of the rows beyond inlets and outlets"),
+        ]
+        stages = [*before, *stages]
     return [*bodies(spec), *stages]
+
+
+def open_given(spec: Spec) -> list[Stage]:
+    """Return the stages that bring to inlets, outlets and their buffers what is given at the end of the step."""
+    if spec.open_axis < 0:
+        return []
+    return [
+        Stage("side_given", make_side_given(spec), "site_side", "what is given at inlets and outlets"),
+        Stage("buffer_given", make_buffer_pressure(spec), "fluid", "the same beyond them"),
+        Stage("rows_outside", make_rows_outside(spec), "matrix_diagonal", "buffers are no part of the equations"),
+    ]
+
+
+def open_pressure(spec: Spec) -> list[Stage]:
+    """Return the stages that continue the pressure of the fluid into the buffers."""
+    if spec.open_axis < 0:
+        return []
+    return [
+        Stage("side_pressure", make_side_pressure(spec), "site_side", "pressure that arrives at inlets and outlets"),
+        Stage("buffer_pressure", make_buffer_pressure(spec), "fluid", "the same beyond them"),
+    ]
+
+
+def open_velocity(spec: Spec, beginning: int = 0) -> list[Stage]:
+    """Return the stages that give sites and buffers the velocity of the end of the step."""
+    if spec.open_axis < 0:
+        return []
+    start = {"beginning": beginning}
+    return [
+        Stage("side_velocity", make_side_velocity(spec), "site_side", "velocity of inlets and outlets", start),
+        Stage("buffer_velocity", make_buffer_velocity(spec), "fluid", "the same beyond them"),
+    ]
 
 
 def bodies(spec: Spec) -> list[Stage]:
@@ -140,7 +216,7 @@ def continued(spec: Spec, field: str) -> list[Stage]:
         return []
     fields = {"velocity": field}
     return [
-        Stage("wall_fit", make_wall_fit(spec, False), "wall", "linear fit of the flow before the bodies", fields=fields),
+        Stage("wall_fit", make_wall_fit(spec, across=True), "wall", "fit of the flow before the bodies", fields=fields),
         Stage("wall_values", make_wall_values(spec), "wall", "the flow continued into the bodies", fields=fields),
     ]
 
@@ -165,6 +241,8 @@ def equation(spec: Spec) -> list[Stage]:
     stages = [Stage("assemble", make_assemble(spec), "fluid", "matrix and right-hand side of the pressure equation")]
     if spec.bodies:
         stages.append(Stage("body_source", make_body_source(spec), "fluid", "bodies in the right-hand side"))
+    if spec.open_axis >= 0:
+        stages.append(Stage("open_source", make_open_source(spec), "fluid", "inlets and outlets in the equation"))
     return stages
 
 
@@ -172,6 +250,7 @@ def finish(spec: Spec) -> list[Stage]:
     """Return the stages after the solver."""
     stages = [
         *take(spec),
+        *open_velocity(spec),
         *continued(spec, "velocity"),
         Stage("regularise", make_regularise(spec), "fluid", "divergence left over, shift of the particles"),
     ]
@@ -185,6 +264,7 @@ def take(spec: Spec) -> list[Stage]:
     """Return the stages that take the solution over: pressure, its gradient, velocity."""
     return [
         Stage("accept", make_accept(spec), "fluid", "pressure from the solution"),
+        *open_pressure(spec),
         Stage("correct", make_correct(spec), "fluid", "velocity free of divergence"),
     ]
 
@@ -215,6 +295,9 @@ def absent(spec: Spec) -> list[Absent]:
         rows.append(Absent("shift", "numerics.shifting is 0"))
     if spec.second_order:
         rows.append(Absent("settle", "BDF2 moves the particles with both velocities before the solve"))
+    if spec.open_axis < 0:
+        names = "site_way, row_way, side_given, buffer_given, open_source, side_pressure, side_velocity, crossing"
+        rows.append(Absent(names, "no side of the domain is an inlet or an outlet"))
     if not any(spec.periodic):
         rows.append(Absent("periodic images", "no periodic axis"))
     return rows

@@ -35,10 +35,14 @@ class IsphScheme(Scheme):
     mirrors_sides = True
     skin = 0.001  # the list is made anew in every step
     shifts = True
-    work = frozenset({"load", "friction"})
+    open_sides = True
+    free_pressure = True
+    # the last one is that of wall impacts, of which births know
+    work = frozenset({"load", "friction", "wall_impact"})
+    kept = ("site_ahead", "face_pressure", "face_velocity", "face_before", "through")
 
     def check(self, case: Any) -> Iterator[Problem]:
-        """Yield what the scheme cannot do: several phases, surface tension, forces on walls, a tolerance out of reach."""
+        """Yield what the scheme cannot do: several phases, tension, forces on walls, sound, a tolerance out of reach."""
         if len(case.phases) > 1:
             rule = f"takes one phase, the case has {len(case.phases)}"
             yield Problem("numerics.scheme", "isph", rule, "write scheme: riemann, or leave one phase")
@@ -53,6 +57,13 @@ class IsphScheme(Scheme):
             if gauge.type == "wall_force" and not case.bodies:
                 rule = "needs wall particles, which scheme: isph has at bodies alone"
                 yield Problem(f"gauges.{name}.type", gauge.type, rule, "use a gauge of type points at the wall")
+        for axis, sides in zip("xyz", case.sides, strict=False):
+            for name, flow in (("lower", sides.lower.flow), ("upper", sides.upper.flow)):
+                for key in ("waves", "relaxation", "sponge"):
+                    if flow is not None and key in flow.model_fields_set:
+                        path = f"domain.boundary.{axis}.{name}.{flow.word}.{key}"
+                        rule = "is about sound, and with scheme: isph there is none"
+                        yield Problem(path, flow.plain()[key], rule, "delete it, or write numerics: {scheme: riemann}")
 
     def derive(self, case: Any, geometry: Geometry, row_list: bool) -> Physics:
         """Return the numbers of a run, see `isph_physics`."""
@@ -78,6 +89,22 @@ class IsphScheme(Scheme):
 
         return isph_program.absent(spec)
 
+    def room(self, case: Any, geometry: Geometry, physics: Physics) -> int:
+        """Return room for the fluid, and for the buffers of inlets and outlets."""
+        from warpsph.schemes import open_run
+
+        if physics.spec.open_axis < 0:
+            return geometry.fluid_count
+        return open_run.room(open_run.open_run(case, geometry, physics), geometry.fluid_count)
+
+    def flow_rates(self, case: Any, geometry: Geometry, physics: Physics, bindings: Mapping[str, Any]) -> dict[str, float]:
+        """Return the flow, mass and pressure of each inlet and outlet."""
+        from warpsph.schemes import open_run
+
+        if physics.spec.open_axis < 0:
+            return {}
+        return open_run.flow_rates(case, geometry, physics, bindings)
+
     def fill(self, population: Population, case: Any, geometry: Geometry, physics: Physics) -> None:
         """Put the pressures of the start, and the velocities as those of the step before too."""
         import numpy as np
@@ -91,6 +118,8 @@ class IsphScheme(Scheme):
         state[:, 1] = geometry.volume
         state[:fluid, 0] = geometry.pressure[:fluid]
         population.put("state", state)
+        if physics.spec.open_axis >= 0:
+            population.put("zone", np.ones(fluid))
 
     def values(self, params: Any, case: Any, geometry: Geometry, physics: Physics, device: Any) -> dict[str, Any]:
         """Set the numbers of its sweeps; return those of the deferred correction and of the rows below a surface."""
@@ -102,7 +131,13 @@ class IsphScheme(Scheme):
         params.feedback = float(choices["volume_feedback"])
         params.filter = float(choices["surface_filter"])
         first_row, second_row = row_shares(physics.spec, physics.h / case.spacing)
+        opened: dict[str, Any] = {}
+        if physics.spec.open_axis >= 0:
+            from warpsph.schemes import open_run
+
+            opened = open_run.arguments(open_run.open_run(case, geometry, physics), case, geometry, physics, device)
         return {
+            **opened,
             "deferred": float(bool(choices["deferred_correction"])),
             "relaxed": int(bool(choices["relaxed_divergence"])),
             "surface_depth": float(choices["surface_offset"]) * case.spacing,
@@ -121,10 +156,13 @@ class IsphScheme(Scheme):
 
     def systems(self, case: Any, geometry: Geometry, physics: Physics) -> Callable[[Level], Systems]:
         """Return what makes matrix and solvers of a level."""
+        from warpsph.scene.open_faces import open_sides
         from warpsph.schemes.isph_systems import IsphSystems
 
         choices = physics.choices
+        given = any(flow.given_velocity is None for _, _, _, flow in open_sides(case))
         options = {
+            "singular": not (physics.spec.free_surface or given),
             "method": choices["solver"],
             "preconditioner": choices["preconditioner"],
             "tolerance": choices["tolerance"],

@@ -10,6 +10,7 @@ import numpy as np
 import warp as wp
 
 from warpsph.kernels.core import clock as ck
+from warpsph.kernels.core.fields import FLUID
 from warpsph.kernels.core.spec import types_of
 from warpsph.solvers.linear_solver import EllMatrix, LinearSolver
 
@@ -24,7 +25,8 @@ class IsphSystems:
 
     Args:
         level: particles and list that they belong to.
-        options: method, preconditioner, tolerance, maximum_iterations; lower, upper, spacing [m] of the multigrid.
+        options: method, preconditioner, tolerance, maximum_iterations; singular: nothing gives the pressure; lower, upper,
+            spacing [m] of the multigrid.
     """
 
     written = frozenset({"unknown"})
@@ -42,7 +44,7 @@ class IsphSystems:
             preconditioner=self._preconditioner(),
             tolerance=options["tolerance"],
             max_iterations=options["maximum_iterations"],
-            singular=not spec.free_surface,
+            singular=options["singular"],
         )
         self.viscous_solver: LinearSolver | None = None
         if spec.implicit_viscosity:
@@ -110,7 +112,10 @@ class IsphSystems:
             totals["viscosity"] = {"tolerance": solver.tolerance, **dataclasses.asdict(solver.totals())}
         named = {key: self.options[key] for key in ("method", "preconditioner", "tolerance", "maximum_iterations")}
         particles = self.level.particles
-        left = particles.get("dilation")[particles.get("surface") == 0].astype(float)
+        inside = particles.get("surface") == 0
+        if "zone" in particles.arrays:
+            inside &= particles.get("zone") == FLUID
+        left = particles.get("dilation")[inside].astype(float)
         divergence = float(np.sqrt(np.mean(left**2))) if len(left) else 0.0
         speed = float(self.level.clock.read()[0][ck.SPEED])
         relative = divergence * float(self.level.bindings["params"].h) / speed if speed > 0 else 0.0

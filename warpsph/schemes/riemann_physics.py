@@ -134,6 +134,7 @@ def derive(case: Case, geometry: Geometry, row_list: bool = True) -> Physics:
     support = h * KERNELS[numerics.kernel].support
     scales, seen = flow_scales(case, geometry, tension, filled)
     wanted, warnings = sound_speeds(case, scales, seen, filled)
+    fitted = _fitted_walls(case, geometry)
     spec = Spec(
         dimension=case.dimension,
         precision=case.precision,
@@ -141,7 +142,8 @@ def derive(case: Case, geometry: Geometry, row_list: bool = True) -> Physics:
         multiphase=len(phases) > 1,
         periodic=tuple(case.periodic),
         walls=geometry.wall_count > 0,
-        bodies=_fitted_walls(case, geometry),
+        bodies=fitted,
+        wall_sound=fitted and corrected and len(phases) == 1,
         tails=geometry.surface is not None and geometry.surface.frames.count > 0,
         wall_no_slip=viscous and bool((geometry.wall_slip[geometry.kind == 1] == 0).any()),
         viscosity=str(form) if viscous else "none",
@@ -279,24 +281,11 @@ def step_limits(case: Case, spec: Spec, h: float, tension: np.ndarray) -> dict[s
 def _fitted_walls(case: Case, geometry: Geometry) -> bool:
     """Whether the walls have a surface of their own: where there are bodies, with two exceptions in which walls are cells.
 
-    Beside the buffer of an inlet, whose pressure is continued from the fluid, the fit at walls is unstable: bodies there
-    have to be made of whole cells and to stay where they are. In several fluids bodies like that hold small drops of one
-    fluid off their corners, where a fit knows no corner.
-
-    Raises CaseError.
+    Both are for bodies of whole cells that stay where they are. In several fluids they hold small drops of one fluid off
+    their corners, where a fit knows no corner; between inlets and outlets the eddy behind such a corner is nearer to what
+    others have found.
     """
-    if not case.bodies:
-        return False
-    moving = [name for name, body in case.bodies.items() if body.motion is not None]
-    whole = not geometry.cut and not moving
-    if open_axis(case) < 0:
-        return len(case.phases) == 1 or not whole
-    problems = [
-        Problem(f"bodies.{name}.motion", MISSING, "does not go with inlets and outlets", "delete it") for name in moving
-    ]
-    rule = "cuts cells of the lattice, which does not go with inlets and outlets"
-    remedy = "use a box whose faces lie between particles, or periodic sides and a body_force"
-    problems += [Problem(f"bodies.{name}.shape", case.bodies[name].shape.kind, rule, remedy) for name in geometry.cut]
-    if problems:
-        raise CaseError(problems)
-    return False
+    moving = any(body.motion is not None for body in case.bodies.values())
+    if geometry.cut or moving:
+        return True
+    return bool(case.bodies) and len(case.phases) == 1 and open_axis(case) < 0

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from warpsph.engine.program import Absent, BuildList, KeepList, Node, Program, Rarely, Stage
 from warpsph.kernels.core.clock import make_advance
-from warpsph.kernels.core.crossing import BLOCKS, make_births, make_crossing, make_fill
 from warpsph.kernels.core.drive import make_move_sides, make_signals
 from warpsph.kernels.core.moving_bodies import make_move_bodies
 from warpsph.kernels.core.poses import MIDDLE, NEXT
@@ -27,6 +26,7 @@ from warpsph.kernels.riemann.load import make_load
 from warpsph.kernels.riemann.momentum import make_momentum
 from warpsph.kernels.riemann.open_flow import make_arrival, make_buffer, make_face, make_side, make_sponge
 from warpsph.kernels.riemann.volume import make_volume
+from warpsph.schemes.open_stages import crossing, fill
 
 
 def program(spec: Spec) -> Program:
@@ -54,6 +54,7 @@ def step(spec: Spec) -> list[Node]:
         *bodies(spec, MIDDLE, speed=1),
         Stage("kick_drift", make_kick_drift(spec), "fluid", "moves the particles"),
         *sides(spec),
+        *walls_ahead(spec),
         Stage("continuity", make_continuity(spec), "fluid", "density and pressure from star velocities"),
         *bodies(spec, NEXT, closing=1),
         *open_flow(spec),
@@ -121,17 +122,6 @@ def bodies(spec: Spec, level: int, speed: int = 0, closing: int = 0) -> list[Sta
     return [Stage("move_bodies", make_move_bodies(spec), "wall", reason, values)]
 
 
-def fill(spec: Spec) -> list[Stage]:
-    """Return the stages that fill the buffers of inlets and outlets."""
-    if spec.open_axis < 0:
-        return []
-    write, count = make_fill(spec)
-    return [
-        Stage("fill_buffers", write, "fill_zone", "particles beyond inlets and outlets"),
-        Stage("count_buffers", count, "one", "counts them in"),
-    ]
-
-
 def open_flow(spec: Spec, beginning: int = 0) -> list[Stage]:
     """Return the stages that give inlets, outlets and their buffers pressure and velocity."""
     if spec.open_axis < 0:
@@ -150,22 +140,6 @@ def sponge(spec: Spec) -> list[Stage]:
     if not spec.sponge:
         return []
     return [Stage("sponge", make_sponge(spec), "fluid", "layers that draw the flow to what inlets and outlets give")]
-
-
-def crossing(spec: Spec) -> list[Stage]:
-    """Return the stages that let particles in and out, before a list is made."""
-    if spec.open_axis < 0:
-        return []
-    count, place, write = make_births(spec)
-    cross, count_in = make_crossing(spec)
-    blocks = BLOCKS[spec.row_list]
-    return [
-        Stage("births", count, blocks, "rows of the inlets that go on"),
-        Stage("births_place", place, "one", "is there room for them"),
-        Stage("births_write", write, blocks, "new particles of these rows"),
-        Stage("crossing", cross, blocks, "fluid that comes in and goes out"),
-        Stage("crossing_count", count_in, "one", "counts particles and mass"),
-    ]
 
 
 def state(spec: Spec) -> Stage:
@@ -202,17 +176,27 @@ def sides(spec: Spec) -> list[Stage]:
     return [Stage("interface_flow", make_interface_flow(spec), "fluid", "velocity on each side of the interfaces")]
 
 
-def walls(spec: Spec) -> list[Stage]:
-    """Return the stage that continues the flow into the walls."""
+def walls(spec: Spec, ahead: bool = False) -> list[Stage]:
+    """Return the stages that continue the flow into the walls; `ahead` of the continuity sweep it is for the velocities."""
     if not spec.walls:
         return []
     if spec.bodies:
+        fit = make_wall_fit(spec, followed=spec.wall_sound and not ahead)
         return [
             Stage("wall_rows", make_wall_rows(), "wall", "where the list build has put each wall particle"),
-            Stage("wall_fit", make_wall_fit(spec), "wall", "linear fit of the flow before the walls"),
+            Stage("wall_fit", fit, "wall", "linear fit of the flow before the walls"),
             Stage("wall_values", make_wall_values(spec), "wall", "pressure and mirrored velocity of the walls"),
         ]
     return [Stage("wall_state", make_wall(spec), "wall", "pressure and mirrored velocity of the walls")]
+
+
+def walls_ahead(spec: Spec) -> list[Stage]:
+    """Return the stages that give the continuity sweep wall velocities of the same moment as those of the fluid.
+
+    Those of the stages after it are a step old when the next one comes, which feeds sound that runs between two walls. The
+    conservative gradient has a dissipation that is more than that, and several fluids have their own one-sided velocities.
+    """
+    return walls(spec, ahead=True) if spec.wall_sound else []
 
 
 def tension(spec: Spec) -> list[Stage]:

@@ -80,11 +80,11 @@ class RiemannScheme(Scheme):
 
     def room(self, case: Any, geometry: Geometry, physics: Physics) -> int:
         """Return room for the fluid, and for the buffers of inlets and outlets."""
-        from warpsph.schemes import riemann_open
+        from warpsph.schemes import open_run
 
         if physics.spec.open_axis < 0:
             return geometry.fluid_count
-        return riemann_open.room(riemann_open.open_run(case, geometry, physics), geometry.fluid_count)
+        return open_run.room(open_run.open_run(case, geometry, physics), geometry.fluid_count)
 
     def fill(self, population: Population, case: Any, geometry: Geometry, physics: Physics) -> None:
         """Put densities, and volumes of the particles at the reference density."""
@@ -109,17 +109,17 @@ class RiemannScheme(Scheme):
         params.zeta = float(choices["interface_force"])
         if physics.spec.open_axis < 0:
             return {}
-        from warpsph.schemes import riemann_open
+        from warpsph.schemes import open_run
 
-        return riemann_open.arguments(riemann_open.open_run(case, geometry, physics), case, geometry, physics, device)
+        return open_run.arguments(open_run.open_run(case, geometry, physics), case, geometry, physics, device)
 
     def flow_rates(self, case: Any, geometry: Geometry, physics: Physics, bindings: Mapping[str, Any]) -> dict[str, float]:
         """Return the flow, mass and pressure of each inlet and outlet."""
-        from warpsph.schemes import riemann_open
+        from warpsph.schemes import open_run
 
         if physics.spec.open_axis < 0:
             return {}
-        return riemann_open.flow_rates(case, geometry, physics, bindings)
+        return open_run.flow_rates(case, geometry, physics, bindings)
 
     def set_clock(self, clock: np.ndarray, counters: np.ndarray, physics: Physics) -> None:
         """Set the sound that limits the step, and when the rare stages run."""

@@ -1,4 +1,4 @@
-"""Inlets and outlets of a run with the Riemann scheme: kernel arguments, and room for the particles that come."""
+"""Inlets and outlets of a run of any scheme: kernel arguments, and room for the particles that come."""
 
 from __future__ import annotations
 
@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from warpsph.scene.open_faces import Face, fill_sites, make_faces, signal_samples
+from warpsph.errors import MISSING, CaseError, Problem
+from warpsph.scene.open_faces import Face, factors_of, fill_sites, make_faces, signal_samples
 
 if TYPE_CHECKING:
     from warpsph.case.case import Case
@@ -16,6 +17,15 @@ if TYPE_CHECKING:
 
 ROOM = 1.1
 """Room for particles over those of the start: what flows in takes about the place of what flows out."""
+
+OFF = 0.02
+"""Share by which flows may differ that are meant to be the same: a parabola on five sites has 2 % too much."""
+
+ROUNDING = 1.0e-9
+"""Of the largest flow, what two that are the same may differ by."""
+
+FINER = 10.0
+"""Samples of a signal in a step that sound does not limit: a kink of a ramp is rounded by less than a tenth of a step."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -38,9 +48,39 @@ class OpenRun:
 
 
 def open_run(case: Case, geometry: Geometry, physics: Physics) -> OpenRun:
-    """Return the open sides of a case whose particles are known. Raises CaseError as `make_faces`."""
+    """Return the open sides of a case whose particles are known. Raises CaseError as `make_faces` and `balance`."""
     faces = make_faces(case, geometry, physics.support, float(physics.choices["skin"]))
+    if physics.acoustic == 0 and all(face.gives_velocity for face in faces):
+        balance(faces, case.end_time)
     return OpenRun(faces, *fill_sites(faces, geometry.lattice))
+
+
+def balance(faces: list[Face], end_time: float) -> None:
+    """Make what goes out of sides that all give a velocity what comes in, by a factor on that of the last one.
+
+    An incompressible fluid that fills the domain has no other flow. The factor makes up for profiles that are sampled at the
+    sites; with it the right-hand side of the pressure equation adds up to nothing, but for what particles that are not even
+    leave, and the solver takes its mean out.
+
+    Raises CaseError: the sides differ by more than OFF, or not by the same factor at all times.
+    """
+    times = np.linspace(0.0, end_time, 1001)
+    flows = [float(face.outward * face.velocity[face.free, face.axis].sum()) * factors_of(face, times) for face in faces]
+    out, last = np.sum(flows, axis=0), flows[-1]
+    most = max(float(np.abs(flow).max()) for flow in flows)
+    if most == 0.0:
+        return
+    at = int(np.abs(last).argmax())
+    share = 1.0 - float(out[at]) / float(last[at]) if last[at] != 0.0 else np.inf
+    if abs(share - 1.0) > OFF or float(np.abs(out + (share - 1.0) * last).max()) > ROUNDING * most:
+        worst = int(np.abs(out).argmax())
+        path = f"domain.boundary.{'xyz'[faces[-1].axis]}.{('lower', 'upper')[faces[-1].end]}.inlet.velocity"
+        rule = (
+            f"lets out {100.0 * float(out[worst]) / most:+.3g} % more than comes in at t = {times[worst]:.4g} s, where an "
+            "incompressible fluid fills the domain"
+        )
+        raise CaseError([Problem(path, MISSING, rule, "give both sides the same flow and ramp, or make one outlet: {}")])
+    faces[-1].velocity *= share
 
 
 def room(found: OpenRun, fluid_count: int) -> int:
@@ -58,7 +98,8 @@ def arguments(found: OpenRun, case: Case, geometry: Geometry, physics: Physics, 
 
     spec, faces = physics.spec, found.faces
     real, vec, _, pair = types_of(spec)
-    samples, step = signal_samples(faces, case.end_time, physics.estimated_step())
+    fine = 1.0 if physics.acoustic > 0 else FINER
+    samples, step = signal_samples(faces, case.end_time, physics.estimated_step() / fine)
     blocks = BLOCKS[spec.row_list]
 
     def array(values: Any, dtype: Any) -> Any:
@@ -79,6 +120,7 @@ def arguments(found: OpenRun, case: Case, geometry: Geometry, physics: Physics, 
         "site_pressure": array(sites("pressure"), real),
         "site_open": array(sites("free"), wp.uint8),
         "sponge_velocity": array(sites("sponge_velocity"), vec),
+        "given_velocity": wp.zeros(found.sites, dtype=vec, device=device),
         "site_arrival": wp.zeros(found.sites, dtype=wp.vec3d, device=device),
         "side_memory": wp.zeros(len(faces), dtype=wp.vec2d, device=device),
         "side_excess": wp.zeros(len(faces), dtype=wp.float64, device=device),
@@ -87,6 +129,8 @@ def arguments(found: OpenRun, case: Case, geometry: Geometry, physics: Physics, 
         "face_pressure": wp.zeros(found.sites, dtype=pair, device=device),
         "face_stretch": wp.zeros(found.sites, dtype=real, device=device),
         "face_velocity": wp.zeros(found.sites, dtype=vec, device=device),
+        "face_before": wp.zeros(found.sites, dtype=vec, device=device),
+        "site_speed": wp.zeros(found.sites, dtype=real, device=device),
         "fill_position": array(found.position, vec),
         "fill_zone": array(found.number + BUFFER, wp.int8),
         "cell_volume": real(geometry.lattice.cell_volume),
@@ -114,7 +158,8 @@ def _sides(
         row.depth = face.layers * lattice.spacing[face.axis]
         row.reach = physics.support
         row.gives_velocity = int(face.gives_velocity)
-        row.relaxation = face.flow.relaxation * sound / (high - low) if face.flow.waves == "leave" else 0.0
+        leaves = physics.acoustic > 0 and face.flow.waves == "leave"
+        row.relaxation = face.flow.relaxation * sound / (high - low) if leaves else 0.0
         first, second = face.across
         row.first_site, row.first_axis, row.second_axis = site, first, second
         row.first_count, row.second_count = face.count
@@ -140,11 +185,13 @@ def flow_rates(case: Case, geometry: Geometry, physics: Physics, bindings: Any) 
     that of the particles that have crossed it since the start, counted whenever a neighbour list is made.
     """
     phase = case.phases[case.phase_names[0]]
-    stiffness = phase.density * physics.sound_speed[0] ** 2 / phase.gamma
     pressure = bindings["face_pressure"].numpy()[:, 0].astype(np.float64)
     velocity = bindings["face_velocity"].numpy().astype(np.float64)
     through = bindings["through"].numpy().reshape(-1, 2)
-    density = phase.density * np.power(1.0 + (pressure - phase.background_pressure) / stiffness, 1.0 / phase.gamma)
+    density = np.full(len(pressure), phase.density)
+    if physics.acoustic > 0:
+        stiffness = phase.density * physics.sound_speed[0] ** 2 / phase.gamma
+        density *= np.power(1.0 + (pressure - phase.background_pressure) / stiffness, 1.0 / phase.gamma)
     rates, site = {}, 0
     for number, face in enumerate(make_faces(case, geometry, physics.support, float(physics.choices["skin"]))):
         here = np.arange(site, site + len(face.position))[face.free]

@@ -1,0 +1,225 @@
+"""What inlets and outlets need whatever the scheme: signals, a fit of the fluid before a site, and sites around a point.
+
+A site is the middle of a lattice cell of an open side (`crossing`). The fit takes the fluid alone, not the buffers.
+"""
+
+import functools
+from typing import Any
+
+import warp as wp
+
+from .cells import make_cell_of, make_grid
+from .crossing import make_open_side
+from .fields import FLUID
+from .pair import separation_of
+from .params import make_params
+from .smoothing import make_smoothing
+from .spec import Spec, types_of
+
+RANGE = 3  # cells around a site that are searched: particles move up to 0.28 of the support between two lists
+LEAST_WEIGHT = 0.1  # of the sites next to a particle that have fluid before them
+LEAST_PIVOT = 1.0e-4  # of the normed moments in spacings of h, below which the fluid at a site is too thin for a fit
+
+
+@functools.cache
+def make_signal() -> Any:
+    """Return the `wp.func` signal_at(time, begin, count, step, signals): a factor sampled every `step` [s]."""
+
+    @wp.func
+    def signal_at(time: wp.float64, begin: int, count: int, step: wp.float64, signals: wp.array(dtype=wp.float64)):
+        place = wp.clamp(time / step, wp.float64(0.0), wp.float64(count - 1))
+        k = wp.min(int(place), wp.max(count - 2, 0))
+        share = place - wp.float64(k)
+        after = wp.min(k + 1, count - 1)
+        return signals[begin + k] * (wp.float64(1.0) - share) + signals[begin + after] * share
+
+    return signal_at
+
+
+def basis_size(dimension: int) -> int:
+    """Return how many terms the fit at a side has: 1, a slope an axis, and what is quadratic along the side."""
+    across = dimension - 1
+    return 1 + dimension + across * (across + 1) // 2
+
+
+@functools.cache
+def make_solve(size: int) -> Any:
+    """Return the `wp.func` solve(m, b) of a symmetric positive matrix by elimination; (pivots are above 0, solution)."""
+    row = wp.types.vector(length=size, dtype=wp.float64)
+    square = wp.types.matrix(shape=(size, size), dtype=wp.float64)
+
+    @wp.func
+    def solve(m: square, b: row):
+        u = m + square()
+        x = b + row()
+        good = bool(True)
+        for k in range(size):
+            if u[k, k] < wp.float64(LEAST_PIVOT):
+                good = False
+                u[k, k] = wp.float64(1.0)
+            for i in range(k + 1, size):
+                share = u[i, k] / u[k, k]
+                for j in range(k, size):
+                    u[i, j] = u[i, j] - share * u[k, j]
+                x[i] = x[i] - share * x[k]
+        for back in range(size):
+            k = size - 1 - back
+            total = x[k]
+            for j in range(k + 1, size):
+                total -= u[k, j] * x[j]
+            x[k] = total / u[k, k]
+        return good, x
+
+    return solve
+
+
+@functools.cache
+def make_fit(spec: Spec) -> Any:
+    """Return the `wp.func` fit(x, ...) of the fluid around a site: pressure, velocity, slopes along the axis, validity.
+
+    Least squares with the weights kernel times volume, linear across the side and quadratic along it: a linear fit would
+    take the curvature of a velocity profile for a velocity, and Z times that for a pressure. Without enough fluid for it the
+    mean, without any nothing.
+    """
+    real, vec, _, pair = types_of(spec)
+    d, axis = spec.dimension, spec.open_axis
+    size = basis_size(d)
+    row = wp.types.vector(length=size, dtype=wp.float64)
+    square = wp.types.matrix(shape=(size, size), dtype=wp.float64)
+    values_of = wp.types.vector(length=d + 1, dtype=wp.float64)
+    table = wp.types.matrix(shape=(d + 1, size), dtype=wp.float64)
+    first_across, second_across = ([k for k in range(d) if k != axis] * 2)[:2]
+    Params = make_params(d, spec.precision)
+    Grid = make_grid(d, spec.precision)
+    cell_of = make_cell_of(d, spec.precision)
+    shape, _ = make_smoothing(spec.kernel, spec.precision)
+    separation = separation_of(spec)
+    solve = make_solve(size)
+    px, py, pz = ([*spec.periodic, False, False])[:3]
+
+    @wp.struct
+    class Fitted:
+        valid: int
+        pressure: wp.float64
+        slope: wp.float64
+        stretch: wp.float64
+        velocity: vec
+
+    @wp.func
+    def terms(off: vec):
+        result = row()
+        result[0] = wp.float64(1.0)
+        result[1] = wp.float64(off[axis])
+        a = wp.float64(off[first_across])
+        result[2] = a
+        if wp.static(d == 2):
+            result[3] = a * a
+        else:
+            b = wp.float64(off[second_across])
+            result[3] = b
+            result[4] = a * a
+            result[5] = b * b
+            result[6] = a * b
+        return result
+
+    @wp.func
+    def window(c: int, n: int, periodic: bool):
+        low = c - RANGE
+        high = c + RANGE
+        if periodic:
+            if n <= 2 * RANGE + 1:
+                low = 0
+                high = n - 1
+        else:
+            low = wp.max(low, 0)
+            high = wp.min(high, n - 1)
+        return low, high + 1
+
+    @wp.func
+    def fit(
+        x: vec,
+        params: Params,
+        grid: Grid,
+        cell_start: wp.array(dtype=int),
+        position: wp.array(dtype=vec),
+        velocity: wp.array(dtype=vec),
+        state: wp.array(dtype=pair),
+        zone: wp.array(dtype=wp.int8),
+    ):
+        c = cell_of(x, grid)
+        x0, x1 = window(c[0], grid.nx, px)
+        y0, y1 = window(c[1], grid.ny, py)
+        z0, z1 = window(c[2], grid.nz, pz)
+        moment = square()
+        right = table()  # a row for each of pressure and velocity, a column for each term
+        for cz in range(z0, z1):
+            for cy in range(y0, y1):
+                for cx in range(x0, x1):
+                    line = ((cz + grid.nz) % grid.nz) * grid.ny + (cy + grid.ny) % grid.ny
+                    cell = line * grid.nx + (cx + grid.nx) % grid.nx
+                    for j in range(cell_start[cell], cell_start[cell + 1]):
+                        if int(zone[j]) == FLUID:
+                            off = separation(position[j], x, True, params) * params.inv_h
+                            weight = wp.float64(shape(wp.length(off)) * state[j][1])
+                            if weight > wp.float64(0.0):
+                                basis = terms(off)
+                                found = values_of()
+                                found[0] = wp.float64(state[j][0])
+                                for a in range(wp.static(d)):
+                                    found[a + 1] = wp.float64(velocity[j][a])
+                                moment += weight * wp.outer(basis, basis)
+                                right += weight * wp.outer(found, basis)
+        result = Fitted()
+        total = moment[0, 0]
+        result.valid = 0
+        if total > wp.float64(0.0):
+            result.valid = 1
+            unit = row()
+            unit[0] = wp.float64(1.0)
+            good, first = solve(moment / total, unit)
+            if good:
+                unit[0] = wp.float64(0.0)
+                unit[1] = wp.float64(1.0)
+                _, second = solve(moment / total, unit)
+                result.slope = wp.dot(right[0], second) / total * wp.float64(params.inv_h)
+                result.stretch = wp.dot(right[1 + axis], second) / total * wp.float64(params.inv_h)
+            else:
+                first = unit
+            result.pressure = wp.dot(right[0], first) / total
+            for a in range(wp.static(d)):
+                result.velocity[a] = real(wp.dot(right[a + 1], first) / total)
+        return result
+
+    return fit
+
+
+@functools.cache
+def make_site_at(spec: Spec) -> Any:
+    """Return the `wp.func` site_at(x, side, corner) -> (site, weight) of the linear interpolation between sites of a side.
+
+    corner: 0 to 3, of the cell of sites around the point. Half a spacing beyond the last site the line is continued.
+    """
+    real, vec, _, _ = types_of(spec)
+    OpenSide = make_open_side(spec.dimension, spec.precision)
+
+    @wp.func
+    def along(place: real, count: int, wraps: int, end: int):
+        before = int(wp.floor(place))
+        if wraps == 0:
+            before = wp.clamp(before, 0, wp.max(count - 2, 0))
+        share = wp.clamp(place - real(before), real(-0.5), real(1.5))
+        if count == 1:
+            share = real(0.0)
+        if end == 0:
+            share = real(1.0) - share
+        return (before + end + count) % count, share
+
+    @wp.func
+    def site_at(x: vec, side: OpenSide, corner: int):
+        a = (x[side.first_axis] - side.first_origin) / side.first_spacing
+        b = (x[side.second_axis] - side.second_origin) / side.second_spacing
+        m, first_share = along(a, side.first_count, side.first_wraps, corner & 1)
+        n, second_share = along(b, side.second_count, side.second_wraps, corner >> 1)
+        return side.first_site + n * side.first_count + m, first_share * second_share
+
+    return site_at
