@@ -20,8 +20,6 @@ if TYPE_CHECKING:
 
 COURANT, RK4_COURANT = 0.5, 1.25
 DIFFUSION = 0.1
-# The pressure that walls take from a fit is not the adjoint of their part in the continuity sweep: noise there grows slowly.
-BODY_COURANT, BODY_DIFFUSION = 0.25, 0.5
 # A of the shift: 2 is that of Sun et al. 2017 and 2019, which leaves vortices that begin on a lattice disordered.
 SHIFTING, PRINTED_SHIFTING = 8.0, 2.0
 ALPHA = 0.02  # artificial viscosity of inviscid flow with a free surface (Antuono et al. 2010)
@@ -63,10 +61,8 @@ def derive(case: Case, geometry: Geometry, row_list: bool) -> Physics:
     if rk4 and varying:
         rule = "does not know gravity, walls or bodies that depend on time"
         raise CaseError([Problem("numerics.integrator", "rk4", rule, "write leapfrog, or auto")])
-    solid = bool(case.bodies)
-    reason = "half of the limit of rk4" if rk4 else "noise at bodies grows beyond" if solid else "a third of the limit"
-    choose("courant", RK4_COURANT if rk4 else BODY_COURANT if solid else COURANT, reason)
-    diffusion = choose("density_diffusion", BODY_DIFFUSION if solid else DIFFUSION, "of the scheme")
+    choose("courant", RK4_COURANT if rk4 else COURANT, "half of the limit of rk4" if rk4 else "a third of the limit")
+    diffusion = choose("density_diffusion", DIFFUSION, "of the scheme")
     exact = choose(
         "exact_divergence",
         filled and not paper,
@@ -99,6 +95,7 @@ def derive(case: Case, geometry: Geometry, row_list: bool) -> Physics:
         periodic=tuple(case.periodic),
         walls=geometry.wall_count > 0,
         bodies=bool(case.bodies),
+        wall_sound=bool(case.bodies) and not rk4,  # whose walls are of the moment of each part of a step anyway
         tails=geometry.surface is not None and geometry.surface.frames.count > 0,
         wall_no_slip=viscous and bool((geometry.wall_slip[geometry.kind == 1] == 0).any()),
         viscosity=str(form) if viscous else "none",

@@ -42,6 +42,7 @@ def leapfrog(spec: Spec) -> list[Node]:
         *moving_sides(spec),
         *bodies(spec, MIDDLE, speed=1),
         Stage("drift", make_delta_drift(spec), "fluid", "moves the particles"),
+        *walls_ahead(spec),
         Stage("continuity", make_delta_continuity(spec), "fluid", "rate of the density, with its diffusion"),
         state(spec, closing=1),
         *bodies(spec, NEXT, closing=1),
@@ -141,14 +142,22 @@ def bodies(spec: Spec, level: int, speed: int = 0, closing: int = 0) -> list[Sta
     return [Stage("move_bodies", make_move_bodies(spec), "wall", reason, values)]
 
 
-def walls(spec: Spec) -> list[Stage]:
+def walls_ahead(spec: Spec) -> list[Stage]:
+    """Return the stages that give the continuity sweep wall velocities of the same moment as those of the fluid.
+
+    Those of the stages after it are a step old when the next one comes, which feeds sound that runs between two walls.
+    """
+    return walls(spec, ahead=True) if spec.wall_sound else []
+
+
+def walls(spec: Spec, ahead: bool = False) -> list[Stage]:
     """Return the stages that continue the flow into the walls."""
     if not spec.walls:
         return []
     if spec.bodies:
         return [
             Stage("wall_rows", make_wall_rows(), "wall", "where the list build has put each wall particle"),
-            Stage("wall_fit", make_wall_fit(spec), "wall", "linear fit of the flow before the walls"),
+            Stage("wall_fit", make_wall_fit(spec, followed=spec.wall_sound and not ahead), "wall", "linear fit of the flow"),
             Stage("wall_values", make_wall_values(spec), "wall", "pressure and mirrored velocity of the walls"),
         ]
     return [Stage("wall_state", make_wall(spec), "wall", "pressure and mirrored velocity of the walls")]
