@@ -1,4 +1,4 @@
-"""Force of the fluid on the surface of bodies and sides, when a gauge asks for it (theory: riemann#a5).
+"""Force of the fluid on the surface of bodies and sides, when a gauge asks for it (theory: riemann#bodies).
 
     F = sum over the first layer of A (-p_s n + mu (S + S^T) n)
 
@@ -51,6 +51,7 @@ def make_surface_load(spec: Spec) -> Any:
         wall_area: wp.array(dtype=real),
         slip: wp.array(dtype=wp.uint8),
         surface_pressure: wp.array(dtype=real),
+        surface_velocity: wp.array(dtype=vec),
         surface_shear: wp.array(dtype=mat),
         load: wp.array(dtype=vec),
         friction: wp.array(dtype=vec),
@@ -65,7 +66,7 @@ def make_surface_load(spec: Spec) -> Any:
         if rubs:
             i = w + fluid_count
             foot = position[i] + normal * wall_depth[w]
-            own_velocity = velocity[i]
+            own_velocity = surface_velocity[w]
             weight = real(0.0)
             viscosity = real(0.0)  # of the fluids before the foot, by their weights
             normal_matrix = square()

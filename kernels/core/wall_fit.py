@@ -1,4 +1,4 @@
-"""Walls with a surface of their own: pressure and velocity continued through it along fits (theory: riemann#a5).
+"""Walls with a surface of their own: pressure and velocity continued through it along fits (theory: riemann#bodies).
 
 At the foot x_s of each particle of the first layer, with weights w_f = W(x_f - x_s) V_f over the fluid and r = x_f - x_s,
 which is y along the normal n and s at right angles to it:

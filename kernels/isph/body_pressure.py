@@ -14,14 +14,11 @@ from warpsph.kernels.core.weights import make_weights
 
 from .surface import INSIDE
 
-VISCOUS_RATE = 1.0  # of nu/h^2
-
 
 @functools.cache
 def make_look_ahead(spec: Spec) -> Any:
     """Return the kernel that extrapolates the velocity to the end of the step; `behind` 1: that of walls, as it is."""
-    _, vec, _, _ = types_of(spec)
-    real = types_of(spec).real
+    real, vec, _, _ = types_of(spec)
     time_weights = make_weights(spec.second_order)
 
     @wp.kernel(module="unique", enable_backward=False)
@@ -51,7 +48,7 @@ def make_friction_rate(precision: str) -> Any:
 
     @wp.func
     def friction_rate(h: real, phase: Phase):
-        return real(VISCOUS_RATE) * phase.viscosity / (phase.density * h * h)
+        return phase.viscosity / (phase.density * h * h)
 
     return friction_rate
 

@@ -1,4 +1,4 @@
-"""What walls with a surface of their own add to the continuity sweep (theory: riemann#a5)."""
+"""What walls with a surface of their own add to the continuity sweep (theory: riemann#bodies)."""
 
 import functools
 from typing import Any

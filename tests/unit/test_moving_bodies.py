@@ -213,3 +213,14 @@ def test_what_a_scene_will_see_knows_its_bodies():
     reach = 0.5 + 3 * 1.5 * 0.05
     assert 0.3 + 2 * 0.5 < physics.scales["velocity"] < math.hypot(0.3, 0.4) + 2 * reach + 1e-6
     assert physics.scales["pressure"] > 1000 * 0.9
+
+
+@pytest.mark.parametrize("scheme", ["riemann", "isph"])
+def test_a_tank_that_turns_with_its_fluid_rubs_nothing(scheme):
+    """Rigid rotation has no shear; a velocity taken half a spacing behind the surface would make one as large as it."""
+    model = Model(case_of(copy.deepcopy(TANK), numerics={"scheme": scheme}), threads=1)
+    model.stepper.prepare(fresh=True)
+    torque, turning = model.wall_forces(), 10.0 * 2.0 * 2.0 * math.pi * 0.5**2  # mu omega, over the surface, times its arm
+    assert abs(torque["wall_torque_z tank"]) < 0.01 * turning
+    for axis in "xy":
+        assert abs(torque[f"wall_friction_{axis} tank"]) < 0.01 * turning / 0.5

@@ -21,6 +21,8 @@ from warpsph.case.shapes import BODY_SHAPES
 from warpsph.case.values import NAME
 from warpsph.errors import MISSING, Problem
 
+SIDES = tuple(f"{axis}_{end}" for axis in AXES for end in ("lower", "upper"))
+
 
 def check_phases(case: Any, _folder: Path | None, _raw: Any) -> Problems:
     used = {fluid.phase for fluid in case.fluids}
@@ -80,19 +82,21 @@ def check_fluids(case: Any, _folder: Path | None, _raw: Any) -> Problems:
 
 def check_bodies(case: Any, folder: Path | None, _raw: Any) -> Problems:
     def check(name: str, body: Any) -> Problems:
+        if name == "domain" or name in SIDES:
+            yield Problem(f"bodies.{name}", name, "is the name of sides of the domain in gauges", "choose another name")
         path = f"bodies.{name}.shape"
         if body.shape.kind == "rest":
             yield Problem(path, "rest", "is for fluids only", f"use one of {', '.join(BODY_SHAPES)}")
         if body.shape.airfoil is not None:
             path = f"{path}.airfoil"
             if case.dimension != 2:
-                yield Problem(path, MISSING, "an airfoil needs dimension: 2", "use stl")
+                yield Problem(path, "airfoil", "needs dimension: 2", "use stl")
             yield from check_length(2, f"{path}.position", body.shape.airfoil.position)
             yield from _check_there(folder, path, body.shape.airfoil.file)
         if body.shape.stl is not None:
             path = f"{path}.stl"
             if case.dimension != 3:
-                yield Problem(path, MISSING, "a mesh needs dimension: 3", "use polygon, where or airfoil")
+                yield Problem(path, "stl", "needs dimension: 3", "use polygon, where or airfoil")
             yield from check_length(3, f"{path}.translate", body.shape.stl.translate)
             yield from _check_there(folder, path, body.shape.stl.file)
 

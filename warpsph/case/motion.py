@@ -62,7 +62,7 @@ def check_motion(path: str, motion: Any, dimension: int, folder: Path | None, en
             yield Problem(f"{path}.{key}", [signal_text(v) for v in vector], rule, f"write e.g. {key}: {[0] * dimension}")
     if dimension == 2 and motion.axis:
         yield Problem(f"{path}.axis", list(motion.axis), "has no meaning in 2-D, where all turns in its plane", "delete it")
-    if dimension == 3 and motion.turns and not math.hypot(*motion.axis) > 0.0:
+    if dimension == 3 and (motion.turns or motion.axis) and not math.hypot(*motion.axis) > 0.0:
         yield Problem(f"{path}.axis", list(motion.axis), "needs a direction for the rotation", "write e.g. axis: [0, 0, 1]")
     for key, signal in motion.signals():
         yield from check_signal(f"{path}.{key}", signal, folder, end_time)

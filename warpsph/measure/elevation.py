@@ -46,13 +46,12 @@ def surface_height(
             image = x[close].copy()
             image[:, axis] = 2.0 * side - image[:, axis]
             x, v = np.concatenate([x, image]), np.concatenate([v, v[close]])
-    if not len(x):
-        return math.nan
     across2 = ((x[:, : d - 1] - place) ** 2).sum(axis=1)
     inside = across2 < reach * reach
     x, v, across2 = x[inside], v[inside], across2[inside]
-    step = spacing / NODES
-    top = float(x[:, -1].max()) if len(x) else math.nan
+    if not len(x):
+        return math.nan
+    top, step = float(x[:, -1].max()), spacing / NODES
     heights = top + reach - step * np.arange(math.ceil((top - float(x[:, -1].min()) + 2.0 * reach) / step) + 1)
     c = np.zeros(len(heights))
     for k, y in enumerate(heights):

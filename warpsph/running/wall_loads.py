@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -58,7 +59,8 @@ class WallLoads:
 
         The sides of the domain count as one body, `domain`; every other body is one of its own. Of these also
         the part of friction, `wall_friction_x <body>`, the torque about the centre of the surface, `wall_torque_z <body>`
-        (3-D: x, y, z) [N m], and that centre, `wall_centre_x <body>` [m], which moves with the body.
+        (3-D: x, y, z) [N m], and that centre, `wall_centre_x <body>` [m], which moves with the body; nan where bodies are
+        cells.
         """
         load = self.measure()
         forces = self._named("wall_force", "xyz", load)
@@ -70,6 +72,11 @@ class WallLoads:
             for name in self.case.bodies:
                 centre = centres[self.names.index(name)]
                 forces |= {f"wall_centre_{axis} {name}": float(x) for axis, x in zip("xyz", centre, strict=False)}
+        else:
+            d = self.particles.spec.dimension
+            parts = {"friction": "xyz"[:d], "torque": "xyz" if d == 3 else "z", "centre": "xyz"[:d]}
+            for name in self.case.bodies:
+                forces |= {f"wall_{part}_{axis} {name}": math.nan for part, axes in parts.items() for axis in axes}
         return forces
 
     def _named(self, quantity: str, axes: str, load: Any) -> dict[str, float]:

@@ -90,12 +90,12 @@ def surface_of(case: Case, body: Body, low: NDArray[np.float64], high: NDArray[n
 
 
 def rooted(case: Case, body: Body, lattice: Lattice, support: float) -> Body:
-    """A body whose box ends on a wall of the domain, gone on into the wall: no fluid is before the face that is there.
+    """A body at rest whose box ends on a wall of the domain, gone on into the wall: no fluid is before its face there.
 
     support: reach of the smoothing kernel, m; the box goes on twice as far.
     """
     box = body.shape.box
-    if box is None or body.hollow:
+    if box is None or body.hollow or body.motion is not None:
         return body
     lower, upper = list(box.lower), list(box.upper)
     for k, (sides, spacing) in enumerate(zip(case.sides, lattice.spacing, strict=True)):

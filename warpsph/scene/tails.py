@@ -47,9 +47,12 @@ _TURNED = 0.5
 class Sheet:
     """One side of a tail, from its edge to where the body is thick.
 
-    side: +1 on the side of the tail's `across`, -1 on the other point: (k, 2), along the side, m; from the edge inwards
-    normal: (k, 2), unit normals into the fluid arc: (k,), length from the edge, m goes_on: whether the body goes on
-    behind its end, thick or as another tail, rather than ends there with a nose or a corner
+    side: +1 on the side of the tail's `across`, -1 on the other
+    point: (k, 2), along the side from the edge inwards, m
+    normal: (k, 2), unit normals into the fluid
+    arc: (k,), length from the edge, m
+    goes_on: whether the body goes on behind its end, thick or as another tail, rather than ends there with a nose or a
+        corner
     """
 
     side: int

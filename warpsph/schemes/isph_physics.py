@@ -165,6 +165,15 @@ def derive(case: Case, geometry: Geometry, row_list: bool) -> Physics:
     # other pressure of theirs, and for thin ones, beside which the fit leaks.
     fitted = geometry.surface is not None and gradient == "corrected" and geometry.stout
     bodies = fitted or bool(geometry.cut) or bool(forcing.tracks)
+    if not bodies:
+        rule = "needs bodies that are no cells, as thin ones, those beside inlets and the other gradient are"
+        remedy = "write numerics: {scheme: riemann}, or delete the gauge"
+        problems = [
+            Problem(f"gauges.{name}.type", gauge.type, rule, remedy)
+            for name, gauge in case.gauges.items() if gauge.type == "wall_force" and case.bodies
+        ]  # fmt: skip
+        if problems:
+            raise CaseError(problems)
     if bodies and gradient != "corrected":
         rule = "has no pressure of bodies that cut cells of the lattice or move"
         remedy = "write corrected, or make the bodies of whole cells that stay where they are"
@@ -180,7 +189,7 @@ def derive(case: Case, geometry: Geometry, row_list: bool) -> Physics:
         periodic=tuple(case.periodic),
         walls=geometry.wall_count > 0,
         bodies=bodies,
-        tails=geometry.surface is not None and geometry.surface.frames.count > 0,
+        tails=bodies and geometry.surface is not None and geometry.surface.frames.count > 0,
         wall_no_slip=viscous and bool((geometry.wall_slip[geometry.kind == 1] == 0).any()),
         viscosity=viscosity,
         corrected=gradient == "corrected",

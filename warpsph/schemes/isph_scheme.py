@@ -42,7 +42,7 @@ class IsphScheme(Scheme):
     kept = ("site_ahead", "face_pressure", "face_velocity", "face_before", "through")
 
     def check(self, case: Any) -> Iterator[Problem]:
-        """Yield what the scheme cannot do: several phases, tension, forces on walls, sound, a tolerance out of reach."""
+        """Yield what the scheme cannot do: several phases, tension, forces on sides, sound, a tolerance out of reach."""
         if len(case.phases) > 1:
             rule = f"takes one phase, the case has {len(case.phases)}"
             yield Problem("numerics.scheme", "isph", rule, "write scheme: riemann, or leave one phase")

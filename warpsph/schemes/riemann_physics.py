@@ -144,7 +144,7 @@ def derive(case: Case, geometry: Geometry, row_list: bool = True) -> Physics:
         walls=geometry.wall_count > 0,
         bodies=fitted,
         wall_sound=fitted and corrected and len(phases) == 1,
-        tails=geometry.surface is not None and geometry.surface.frames.count > 0,
+        tails=fitted and geometry.surface is not None and geometry.surface.frames.count > 0,
         wall_no_slip=viscous and bool((geometry.wall_slip[geometry.kind == 1] == 0).any()),
         viscosity=str(form) if viscous else "none",
         tension=str(tension_form) if has_tension else "none",
