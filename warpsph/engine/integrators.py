@@ -15,7 +15,7 @@ import warp as wp
 from warpsph.engine.program import Node, Stage
 from warpsph.kernels.core.fields import Field
 from warpsph.kernels.core.spec import Spec
-from warpsph.kernels.core.updates import make_add, make_close, make_keep, make_place, make_substep
+from warpsph.kernels.core.updates import make_add, make_close, make_keep, make_place, make_substep, make_watch
 
 HALF, SIXTH, THIRD = 0.5, 1.0 / 6.0, 1.0 / 3.0
 
@@ -85,6 +85,11 @@ def kick_drift_kick(
         *rates,
         *_each(spec, kicks, _add, HALF),
     ]
+
+
+def watch(spec: Spec) -> Stage:
+    """Return the stage that watches over speeds, ways and faults, for a step whose own stages do not."""
+    return Stage("watch", make_watch(spec), "fluid", "faults")
 
 
 def _each(spec: Spec, advanced: Mapping[str, Field], make: Any, *numbers: float) -> list[Stage]:

@@ -11,7 +11,6 @@ from warpsph.kernels.core.poses import MIDDLE, NEXT
 from warpsph.kernels.core.spec import Spec
 from warpsph.kernels.core.surface_load import make_surface_load
 from warpsph.kernels.core.time_signals import depends_on_time
-from warpsph.kernels.core.updates import make_watch
 from warpsph.kernels.core.wall import make_wall
 from warpsph.kernels.core.wall_fit import make_wall_fit, make_wall_rows, make_wall_values
 from warpsph.kernels.delta.delta_continuity import make_delta_continuity
@@ -76,7 +75,7 @@ def runge_kutta(spec: Spec) -> list[Node]:
         *walls(spec),
         *volume(spec),
         momentum(spec),
-        Stage("watch", make_watch(spec), "fluid", "faults"),
+        integrators.watch(spec),
         advance(spec),
         KeepList(),
     ]

@@ -181,7 +181,7 @@ def walls(spec: Spec, ahead: bool = False) -> list[Stage]:
     if not spec.walls:
         return []
     if spec.bodies:
-        fit = make_wall_fit(spec, followed=spec.wall_sound and not ahead)
+        fit = make_wall_fit(spec, across=spec.wall_sound and not ahead, followed=spec.wall_sound and not ahead)
         return [
             Stage("wall_rows", make_wall_rows(), "wall", "where the list build has put each wall particle"),
             Stage("wall_fit", fit, "wall", "linear fit of the flow before the walls"),
