@@ -5,20 +5,18 @@ from __future__ import annotations
 from warpsph.engine import integrators
 from warpsph.engine.program import Absent, BuildList, KeepList, Node, Program, Rarely, Stage
 from warpsph.kernels.core.clock import make_advance
-from warpsph.kernels.core.drive import make_move_sides, make_signals
-from warpsph.kernels.core.moving_bodies import make_move_bodies
 from warpsph.kernels.core.poses import MIDDLE, NEXT
 from warpsph.kernels.core.spec import Spec
 from warpsph.kernels.core.surface_load import make_surface_load
 from warpsph.kernels.core.time_signals import depends_on_time
-from warpsph.kernels.core.wall import make_wall
-from warpsph.kernels.core.wall_fit import make_wall_fit, make_wall_rows, make_wall_values
+from warpsph.kernels.core.wall_fit import make_wall_fit
 from warpsph.kernels.delta.delta_continuity import make_delta_continuity
 from warpsph.kernels.delta.delta_drift import make_delta_drift, make_delta_shift, make_delta_state
 from warpsph.kernels.delta.delta_fields import ADVANCED
 from warpsph.kernels.delta.delta_load import make_delta_load
 from warpsph.kernels.delta.delta_momentum import make_delta_momentum
 from warpsph.kernels.riemann.volume import make_volume
+from warpsph.schemes.wall_stages import bodies, moving_sides, signals, walls, walls_ahead
 
 
 def program(spec: Spec) -> Program:
@@ -116,50 +114,6 @@ def state(spec: Spec, closing: int) -> Stage:
     """Return the stage that evaluates pressure and volume from the density, which it advances at the end of a step."""
     reason = "density of the end of the step, pressure" if closing else "pressure of the start"
     return Stage("state", make_delta_state(spec), "fluid", reason, {"closing": closing})
-
-
-def signals(spec: Spec) -> list[Stage]:
-    """Return the stage that evaluates what depends on time; walls move with their velocity in the middle of the step."""
-    if not depends_on_time(spec):
-        return []
-    return [Stage("signals", make_signals(spec), "one", "what depends on time", {"share": 0.5})]
-
-
-def moving_sides(spec: Spec) -> list[Stage]:
-    """Return the stage that gives wall particles the velocity of the sides that they are behind."""
-    if not (spec.walls and spec.varying_sides):
-        return []
-    return [Stage("move_sides", make_move_sides(spec), "wall", "the velocity of a side of the domain depends on time")]
-
-
-def bodies(spec: Spec, level: int, speed: int = 0, closing: int = 0) -> list[Stage]:
-    """Return the stage that brings moving bodies to where they are in the middle of the step or at its end."""
-    if not spec.moving:
-        return []
-    reason = "bodies in the middle of the step" if level == MIDDLE else "bodies at the end of the step"
-    values = {"level": level, "speed": speed, "closing": closing}
-    return [Stage("move_bodies", make_move_bodies(spec), "wall", reason, values)]
-
-
-def walls_ahead(spec: Spec) -> list[Stage]:
-    """Return the stages that give the continuity sweep wall velocities of the same moment as those of the fluid.
-
-    Those of the stages after it are a step old when the next one comes, which feeds sound that runs between two walls.
-    """
-    return walls(spec, ahead=True) if spec.wall_sound else []
-
-
-def walls(spec: Spec, ahead: bool = False) -> list[Stage]:
-    """Return the stages that continue the flow into the walls."""
-    if not spec.walls:
-        return []
-    if spec.bodies:
-        return [
-            Stage("wall_rows", make_wall_rows(), "wall", "where the list build has put each wall particle"),
-            Stage("wall_fit", make_wall_fit(spec, followed=spec.wall_sound and not ahead), "wall", "linear fit of the flow"),
-            Stage("wall_values", make_wall_values(spec), "wall", "pressure and mirrored velocity of the walls"),
-        ]
-    return [Stage("wall_state", make_wall(spec), "wall", "pressure and mirrored velocity of the walls")]
 
 
 def load(spec: Spec) -> list[Stage]:

@@ -8,14 +8,11 @@ from __future__ import annotations
 
 from warpsph.engine.program import Absent, BuildList, KeepList, Node, Program, Rarely, Stage
 from warpsph.kernels.core.clock import make_advance
-from warpsph.kernels.core.drive import make_move_sides, make_signals
-from warpsph.kernels.core.moving_bodies import make_move_bodies
 from warpsph.kernels.core.poses import MIDDLE, NEXT
 from warpsph.kernels.core.spec import Spec
 from warpsph.kernels.core.surface_load import make_surface_load
 from warpsph.kernels.core.time_signals import depends_on_time
-from warpsph.kernels.core.wall import make_wall
-from warpsph.kernels.core.wall_fit import make_wall_fit, make_wall_rows, make_wall_values
+from warpsph.kernels.core.wall_fit import make_wall_fit
 from warpsph.kernels.riemann.contact import make_contact
 from warpsph.kernels.riemann.density import make_continuity, make_state
 from warpsph.kernels.riemann.drift import make_drift
@@ -27,6 +24,7 @@ from warpsph.kernels.riemann.momentum import make_momentum
 from warpsph.kernels.riemann.open_flow import make_arrival, make_buffer, make_face, make_side, make_sponge
 from warpsph.kernels.riemann.volume import make_volume
 from warpsph.schemes.open_stages import crossing, fill
+from warpsph.schemes.wall_stages import bodies, moving_sides, signals, walls, walls_ahead
 
 
 def program(spec: Spec) -> Program:
@@ -58,7 +56,7 @@ def step(spec: Spec) -> list[Node]:
         Stage("continuity", make_continuity(spec), "fluid", "density and pressure from star velocities"),
         *bodies(spec, NEXT, closing=1),
         *open_flow(spec),
-        *walls(spec),
+        *walls(spec, across=spec.wall_sound),
         *([Rarely(rare)] if rare else []),
         Stage("momentum", make_momentum(spec), "fluid", "acceleration from star pressures"),
         *sponge(spec),
@@ -93,33 +91,10 @@ def start(spec: Spec) -> list[Node]:
         BuildList("the first list"),
         *open_flow(spec, beginning=1),
         *sides(spec),
-        *walls(spec),
+        *walls(spec, across=spec.wall_sound),
         *tension(spec),
         Stage("momentum", make_momentum(spec), "fluid", "first acceleration"),
     ]
-
-
-def signals(spec: Spec) -> list[Stage]:
-    """Return the stage that evaluates what depends on time; walls move with their velocity in the middle of the step."""
-    if not depends_on_time(spec):
-        return []
-    return [Stage("signals", make_signals(spec), "one", "what depends on time", {"share": 0.5})]
-
-
-def moving_sides(spec: Spec) -> list[Stage]:
-    """Return the stage that gives wall particles the velocity of the sides that they are behind."""
-    if not (spec.walls and spec.varying_sides):
-        return []
-    return [Stage("move_sides", make_move_sides(spec), "wall", "the velocity of a side of the domain depends on time")]
-
-
-def bodies(spec: Spec, level: int, speed: int = 0, closing: int = 0) -> list[Stage]:
-    """Return the stage that brings moving bodies to where they are in the middle of the step or at its end."""
-    if not spec.moving:
-        return []
-    reason = "bodies in the middle of the step" if level == MIDDLE else "bodies at the end of the step"
-    values = {"level": level, "speed": speed, "closing": closing}
-    return [Stage("move_bodies", make_move_bodies(spec), "wall", reason, values)]
 
 
 def open_flow(spec: Spec, beginning: int = 0) -> list[Stage]:
@@ -174,29 +149,6 @@ def sides(spec: Spec) -> list[Stage]:
     if not spec.multiphase or spec.paper_star:
         return []
     return [Stage("interface_flow", make_interface_flow(spec), "fluid", "velocity on each side of the interfaces")]
-
-
-def walls(spec: Spec, ahead: bool = False) -> list[Stage]:
-    """Return the stages that continue the flow into the walls; `ahead` of the continuity sweep it is for the velocities."""
-    if not spec.walls:
-        return []
-    if spec.bodies:
-        fit = make_wall_fit(spec, across=spec.wall_sound and not ahead, followed=spec.wall_sound and not ahead)
-        return [
-            Stage("wall_rows", make_wall_rows(), "wall", "where the list build has put each wall particle"),
-            Stage("wall_fit", fit, "wall", "linear fit of the flow before the walls"),
-            Stage("wall_values", make_wall_values(spec), "wall", "pressure and mirrored velocity of the walls"),
-        ]
-    return [Stage("wall_state", make_wall(spec), "wall", "pressure and mirrored velocity of the walls")]
-
-
-def walls_ahead(spec: Spec) -> list[Stage]:
-    """Return the stages that give the continuity sweep wall velocities of the same moment as those of the fluid.
-
-    Those of the stages after it are a step old when the next one comes, which feeds sound that runs between two walls. The
-    conservative gradient has a dissipation that is more than that, and several fluids have their own one-sided velocities.
-    """
-    return walls(spec, ahead=True) if spec.wall_sound else []
 
 
 def tension(spec: Spec) -> list[Stage]:

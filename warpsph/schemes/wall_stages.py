@@ -1,0 +1,61 @@
+"""Stages of walls, bodies and what depends on time that schemes with sound share."""
+
+from __future__ import annotations
+
+from warpsph.engine.program import Stage
+from warpsph.kernels.core.drive import make_move_sides, make_signals
+from warpsph.kernels.core.moving_bodies import make_move_bodies
+from warpsph.kernels.core.poses import MIDDLE
+from warpsph.kernels.core.spec import Spec
+from warpsph.kernels.core.time_signals import depends_on_time
+from warpsph.kernels.core.wall import make_wall
+from warpsph.kernels.core.wall_fit import make_wall_fit, make_wall_rows, make_wall_values
+
+
+def signals(spec: Spec) -> list[Stage]:
+    """Return the stage that evaluates what depends on time; walls move with their velocity in the middle of the step."""
+    if not depends_on_time(spec):
+        return []
+    return [Stage("signals", make_signals(spec), "one", "what depends on time", {"share": 0.5})]
+
+
+def moving_sides(spec: Spec) -> list[Stage]:
+    """Return the stage that gives wall particles the velocity of the sides that they are behind."""
+    if not (spec.walls and spec.varying_sides):
+        return []
+    return [Stage("move_sides", make_move_sides(spec), "wall", "the velocity of a side of the domain depends on time")]
+
+
+def bodies(spec: Spec, level: int, speed: int = 0, closing: int = 0) -> list[Stage]:
+    """Return the stage that brings moving bodies to where they are in the middle of the step or at its end."""
+    if not spec.moving:
+        return []
+    reason = "bodies in the middle of the step" if level == MIDDLE else "bodies at the end of the step"
+    values = {"level": level, "speed": speed, "closing": closing}
+    return [Stage("move_bodies", make_move_bodies(spec), "wall", reason, values)]
+
+
+def walls(spec: Spec, ahead: bool = False, across: bool = False) -> list[Stage]:
+    """Return the stages that continue the flow into the walls; `ahead` of the continuity sweep it is for the velocities.
+
+    across: velocities bend across the walls too, for a viscous term (theory: riemann#bodies).
+    """
+    if not spec.walls:
+        return []
+    if spec.bodies:
+        fit = make_wall_fit(spec, across=across, followed=spec.wall_sound and not ahead)
+        return [
+            Stage("wall_rows", make_wall_rows(), "wall", "where the list build has put each wall particle"),
+            Stage("wall_fit", fit, "wall", "linear fit of the flow before the walls"),
+            Stage("wall_values", make_wall_values(spec), "wall", "pressure and mirrored velocity of the walls"),
+        ]
+    return [Stage("wall_state", make_wall(spec), "wall", "pressure and mirrored velocity of the walls")]
+
+
+def walls_ahead(spec: Spec) -> list[Stage]:
+    """Return the stages that give the continuity sweep wall velocities of the same moment as those of the fluid.
+
+    Those of the stages after it are a step old when the next one comes, which feeds sound that runs between two walls. The
+    conservative gradient has a dissipation that is more than that, and several fluids have their own one-sided velocities.
+    """
+    return walls(spec, ahead=True) if spec.wall_sound else []
