@@ -29,6 +29,7 @@ def make_params(dimension: int, precision: str) -> Any:
         center: vec  # of the central force [m]
         pull: real  # B^2 of the central acceleration -B^2 (x - center) [1/s^2]
         dissipation: real  # factor theta on the pressure difference in the star velocity [-]
+        damping: real  # of sound, its bulk viscosity over rho c h [-]
         shifting: real  # shifting coefficient A [-]
         shift_cap: real  # longest shift of a step as share of h [-]
         room: real  # rate at which the density follows the room that the particles take, over |grad v| [-]

@@ -1,4 +1,4 @@
-"""Least-squares fit of a quadratic through a point where the value is known, for slopes there of second order."""
+"""Least-squares fits of a quadratic about a point: through the value known there, or for the value there."""
 
 import functools
 from typing import Any, NamedTuple
@@ -18,6 +18,8 @@ class Quadratic(NamedTuple):
         basis: `wp.func` basis(r), the terms at r, a vector.
         vector, square, sides: types of a vector of terms, of the normal matrix, and of its right-hand sides.
         solve: `wp.func` solve(normal, right) -> (found, coefficients): the first d rows are the slopes.
+        value: `wp.func` value(normal, first, weight, right, total) -> (found, value): of u at r = 0 where it is not known,
+            from the weighted sums of basis (x) basis, of the basis, of 1, of u basis and of u.
     """
 
     terms: int
@@ -26,6 +28,7 @@ class Quadratic(NamedTuple):
     square: Any
     sides: Any
     solve: Any
+    value: Any
 
 
 @functools.cache
@@ -76,4 +79,17 @@ def make_quadratic(dimension: int) -> Quadratic:
                     x[k, column] = total / m[k, k]
         return found, x
 
-    return Quadratic(terms, basis, vector, square, sides, solve)
+    @wp.func
+    def value(normal: square, first: vector, weight: wp.float64, right: vector, total: wp.float64):
+        # the terms less their means, and u less its own: what is left has no constant
+        inv = wp.float64(1.0) / weight
+        columns = sides()  # the first alone counts
+        for a in range(int(terms)):
+            columns[a, 0] = right[a] - first[a] * (total * inv)
+        found, x = solve(normal - wp.outer(first, first * inv), columns)
+        result = total * inv
+        for a in range(int(terms)):
+            result -= x[a, 0] * (first[a] * inv)
+        return found, result
+
+    return Quadratic(terms, basis, vector, square, sides, solve, value)

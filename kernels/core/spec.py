@@ -47,6 +47,7 @@ class Spec:
         room: the density is held to the room that the particles take.
         interface_force: pair force that keeps phases apart.
         dissipation: the pressure difference enters the star velocity.
+        acoustic_damping: compression and expansion have a viscosity of their own.
         free_surface: an axis is open, so that wall pressure never pulls.
         scheme: name of the scheme in the registry.
         varying_force: gravity or body force depends on time, see `signals`.
@@ -94,6 +95,7 @@ class Spec:
     room: bool = False
     interface_force: bool = False
     dissipation: bool = True
+    acoustic_damping: bool = False
     free_surface: bool = False
     scheme: str = "riemann"
     mirror: bool = False

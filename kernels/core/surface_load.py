@@ -1,10 +1,11 @@
 """Force of the fluid on the surface of bodies and sides, when a gauge asks for it (theory: riemann#bodies).
 
-    F = sum over the first layer of A (-p_s n + mu (S + S^T) n)
+    F = sum over the first layer of A (-p_s n + mu t),   t the part of (S + S^T) n along the surface
 
-p_s is that of the linear fit at the foot (`wall_fit`). S is the slope of a quadratic through the velocity of the wall there:
-that of a straight line would be the slope some way off the wall. Where the fluid is too thin for it, S is that of the line.
-The two terms are kept apart: what is left of the force without the friction is that of the pressure.
+p_s is the value of a quadratic through the pressure at the foot, S the slope of one through the velocity of the wall there:
+straight lines (`wall_fit`) have the value and the slope of some way off the wall. Where the fluid is too thin for it, they
+are those of the line. Beside a rigid surface that it sticks to a fluid without divergence has no stress along the normal but
+its pressure. The two terms are kept apart: what is left of the force without the friction is that of the pressure.
 """
 
 import functools
@@ -27,7 +28,8 @@ def make_surface_load(spec: Spec) -> Any:
     Phase = make_phase(spec.precision)
     fit = make_quadratic(spec.dimension)
     vec64 = types(spec.dimension, "float64").vec
-    square, sides, basis, solve = fit.square, fit.sides, fit.basis, fit.solve
+    square, sides, vector, basis = fit.square, fit.sides, fit.vector, fit.basis
+    solve, value_of = fit.solve, fit.value
     shape, _ = make_smoothing(spec.kernel, spec.precision)
     separation = separation_of(spec)
     list_begin, list_step, neighbour, Listed = list_access(spec)
@@ -59,18 +61,19 @@ def make_surface_load(spec: Spec) -> Any:
         w = wp.tid() + first
         normal = wall_normal[w]
         rubbed = vec()
-        rubs = bool(False)
+        pressure = surface_pressure[w]
         area = wp.max(wall_area[w], real(0.0))  # negative beyond inlets and outlets, where a surface bears no load
-        if wp.static(spec.wall_no_slip):
-            rubs = area > real(0.0) and slip[w] == wp.uint8(0)
-        if rubs:
+        if area > real(0.0):
             i = w + fluid_count
             foot = position[i] + normal * wall_depth[w]
             own_velocity = surface_velocity[w]
             weight = real(0.0)
             viscosity = real(0.0)  # of the fluids before the foot, by their weights
+            pressed = wp.float64(0.0)
             normal_matrix = square()
+            first_moment = vector()
             right = sides()
+            right_pressure = vector()
             k = list_begin(i, list_width)
             step = list_step(particle_count)
             end = k + int(fluid_neighbours[i]) * step
@@ -78,24 +81,36 @@ def make_surface_load(spec: Spec) -> Any:
                 j = neighbour(neighbours, i, k)
                 k += step
                 r = separation(position[j], foot, True, params) * params.inv_h
-                w_j = shape(wp.length(r)) * state[j][1]
+                state_j = state[j]
+                w_j = shape(wp.length(r)) * state_j[1]
                 own = int(0)
                 if wp.static(spec.multiphase):
                     own = int(phase[j])
                 weight += w_j
                 viscosity += w_j * phases[own].viscosity
-                terms = basis(vec64(r))
-                normal_matrix += wp.outer(terms, wp.float64(w_j) * terms)
-                right += wp.outer(terms, wp.float64(w_j) * vec64(velocity[j] - own_velocity))
-            shear = surface_shear[w]
-            found, slopes = solve(normal_matrix, right)
-            if found:
-                for a in range(wp.static(spec.dimension)):
-                    for b in range(wp.static(spec.dimension)):
-                        shear[a, b] = real(slopes[b, a]) * params.inv_h
-            viscosity = viscosity / wp.max(weight, real(1.0e-30))
-            rubbed = (viscosity * area) * ((shear + wp.transpose(shear)) * normal)
-        load[w] = rubbed - (surface_pressure[w] * area) * normal
+                terms = wp.float64(w_j) * basis(vec64(r))
+                excess = wp.float64(state_j[0] - pressure)
+                normal_matrix += wp.outer(basis(vec64(r)), terms)
+                first_moment += terms
+                right += wp.outer(terms, vec64(velocity[j] - own_velocity))
+                right_pressure += excess * terms
+                pressed += wp.float64(w_j) * excess
+            if weight > real(0.0):
+                bent, value = value_of(normal_matrix, first_moment, wp.float64(weight), right_pressure, pressed)
+                if bent:
+                    pressure += real(value)
+            if wp.static(spec.wall_no_slip):
+                if slip[w] == wp.uint8(0):
+                    shear = surface_shear[w]
+                    found, slopes = solve(normal_matrix, right)
+                    if found:
+                        for a in range(wp.static(spec.dimension)):
+                            for b in range(wp.static(spec.dimension)):
+                                shear[a, b] = real(slopes[b, a]) * params.inv_h
+                    viscosity = viscosity / wp.max(weight, real(1.0e-30))
+                    rubbed = (viscosity * area) * ((shear + wp.transpose(shear)) * normal)
+                    rubbed -= normal * wp.dot(rubbed, normal)
+        load[w] = rubbed - (pressure * area) * normal
         friction[w] = rubbed
 
     return surface_load

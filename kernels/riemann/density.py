@@ -1,6 +1,8 @@
 """Continuity sweep: density from star velocities, then pressure and volume (theory: riemann#a2, riemann#a3; seed 000 eq 13).
 
     ds_i/dt = 2 (1+s_i) sum_j (v_i - v*_ij).grad_i W V_j,   s = rho/rho0 - 1
+
+Where sound is damped the pressure has alpha rho0 c h times that rate, less what pressure differences have in it.
 """
 
 import functools
@@ -21,6 +23,7 @@ from .body_flow import make_body_flow
 from .star import make_jump, make_star
 
 PRESSED = 1.1  # density over that at rest from which on the impedance follows it
+LOUDEST = 0.01  # of rho c^2, the pressure of compression that sound speeds are made for: damping goes up to it
 STIFFEST = 1.5  # rate, over a step, at which the pressure of a particle may follow that of its neighbours
 
 
@@ -133,6 +136,7 @@ def make_continuity(spec: Spec) -> Any:
                 inv_z *= softened
 
         rate = real(0.0)
+        blur = real(0.0)  # part of the rate from pressure differences, where sound is damped
         evening = real(0.0)  # part of the rate from pressure differences to other phases
         stiffness = real(0.0)  # its derivative by the own pressure, over c_i
         plain_stiffness = real(0.0)  # what it would be among particles of the own phase
@@ -208,7 +212,10 @@ def make_continuity(spec: Spec) -> Any:
                     dp -= real(0.5) * wp.dot(pressure_gradient[i] + pressure_gradient[j], d)
                 elif wp.static(spec.gravity):
                     dp -= own.density * wp.dot(gravity_of(params, forcing, GRAVITY_NOW), d)
-                term += dp * r * inv_z
+                if wp.static(spec.acoustic_damping):
+                    blur += f * (dp * r * inv_z)
+                else:
+                    term += dp * r * inv_z
             rate += f * term
             if wp.static(linear):
                 fd = f * d
@@ -243,12 +250,20 @@ def make_continuity(spec: Spec) -> Any:
             rate += evening
 
         s = density_excess[i]
+        squeezed = real(0.0)  # the rate of the flow
+        if wp.static(spec.acoustic_damping):
+            squeezed = (real(1.0) + s) * params.g_norm * rate
+            rate += blur
         s += real(clock[STEP]) * (real(1.0) + s) * params.g_norm * rate
         if wp.static(spray):
             # with hardly a fluid neighbour a density below rest is memory, not tension, and would draw spray into walls
             if crowd * params.g_norm < real(sparse):
                 s = wp.max(s, real(0.0))
         density_excess[i] = s
-        state[i] = pair(eos(s, own.stiffness, own.gamma) + own.background, rest_volume[i] / (real(1.0) + s))
+        follows = pair(eos(s, own.stiffness, own.gamma) + own.background, rest_volume[i] / (real(1.0) + s))
+        if wp.static(spec.acoustic_damping):
+            loudest = real(LOUDEST) * own.impedance * own.sound_speed
+            follows[0] += wp.clamp(params.damping * params.h * own.impedance * squeezed, -loudest, loudest)
+        state[i] = follows
 
     return continuity

@@ -69,6 +69,12 @@ class RiemannNumerics(NumericsBase):
         "0 also leaves the divergence of the continuity equation uncorrected. auto: 2 with corrected and shifting, else 0",
         examples=["2"],
     )
+    acoustic_damping: Annotated[float | Auto, NumberRule(least=0, most=0.5, auto=True)] = Field(
+        default="auto",
+        description="bulk viscosity of one fluid over rho c h: it damps sound and leaves a flow without divergence alone. auto: 0.25 "
+        "between inlets and outlets, else 0",
+        examples=["0.25"],
+    )
     velocity_dissipation: Annotated[float | Auto, NumberRule(least=0, most=10, auto=True)] = Field(
         default="auto",
         description="factor on the pressure-difference term of the star velocity",

@@ -50,6 +50,8 @@ ROOM_RATE = 2.0
 # Displacement that breaks the symmetry of a lattice, in particle spacings: for the corrected gradient a perfect lattice
 # that is sheared is a balance on a knife's edge, which ends in voids.
 UNLOCK = 0.05
+# Bulk viscosity over rho c h: half and double of it damp sound too; four times as much is beyond what walls with a fit bear.
+DAMPING = 0.25
 
 
 def derive(case: Case, geometry: Geometry, row_list: bool = True) -> Physics:
@@ -124,6 +126,11 @@ def derive(case: Case, geometry: Geometry, row_list: bool = True) -> Physics:
         "a perfect lattice is no start for the corrected gradient" if locked else "not needed",
     )
     dissipation = choose("velocity_dissipation", 1.0, "Riemann problem")
+    damping = choose(
+        "acoustic_damping",
+        DAMPING if case.has_flow_through and not paper else 0.0,
+        "sound of a start between inlets and outlets dies out" if case.has_flow_through and not paper else "not needed",
+    )
     choose("courant", 0.5, "half of the measured limit of the leapfrog")
     choose("skin", case.scheme.skin, "measured optimum of sweeps and rebuilds")
     choices["kernel"] = numerics.kernel
@@ -167,6 +174,7 @@ def derive(case: Case, geometry: Geometry, row_list: bool = True) -> Physics:
         momentum_constraint=corrected and all(case.periodic) and geometry.wall_count == 0,
         interface_force=float(zeta) > 0 and len(phases) > 1,
         dissipation=float(dissipation) > 0,
+        acoustic_damping=float(damping) > 0,
         free_surface=not filled,
         changing=case.has_flow_through,
         open_axis=open_axis(case),

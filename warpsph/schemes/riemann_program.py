@@ -186,6 +186,8 @@ def absent(spec: Spec) -> list[Absent]:
         rows.append(Absent("body force", "body_force is zero"))
     if not depends_on_time(spec):
         rows.append(Absent("signals", "nothing depends on time"))
+    if not spec.acoustic_damping:
+        rows.append(Absent("acoustic damping", "numerics.acoustic_damping is 0"))
     if not spec.shifting:
         rows.append(Absent("shift", "numerics.shifting is 0"))
     if not spec.corrected:

@@ -41,6 +41,10 @@ class RiemannScheme(Scheme):
         if rate != "auto" and rate > 0 and case.has_open_sides:
             rule = "needs a closed or periodic domain: at a free surface the window of a particle is cut"
             yield Problem("numerics.room_rate", rate, rule, "write auto or 0")
+        damping = case.numerics.acoustic_damping
+        if damping != "auto" and damping > 0 and len(case.phases) > 1:
+            rule = "is for one fluid: at an interface the two sides would be compressed by different pressures"
+            yield Problem("numerics.acoustic_damping", damping, rule, "write auto or 0")
         if case.numerics.volume_constraint is True:
             for axis, sides in zip("xyz", case.sides, strict=False):
                 if "open" in (sides.lower.kind, sides.upper.kind):
@@ -105,6 +109,7 @@ class RiemannScheme(Scheme):
             params.room = float(choices["room_rate"])
         params.dissipation = float(choices["velocity_dissipation"])
         params.shifting = float(choices["shifting"])
+        params.damping = float(choices["acoustic_damping"])
         params.shift_cap = SHIFT_CAP
         params.zeta = float(choices["interface_force"])
         if physics.spec.open_axis < 0:

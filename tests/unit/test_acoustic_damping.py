@@ -1,0 +1,67 @@
+"""Damping of sound: the rate at which a standing wave dies out, and a flow without divergence that it leaves alone."""
+
+import numpy as np
+import pytest
+
+from warpsph.case.case import Case
+from warpsph.errors import CaseError
+from warpsph.running.model import Model
+
+SOUND = 10.0
+BOX = {
+    "dimension": 2,
+    "particle_spacing": 1 / 24,
+    "end_time": 1.0,
+    "domain": {"lower": [0, 0], "upper": [1, 0.5], "boundary": {"x": "periodic", "y": "periodic"}},
+    "phases": {"water": {"density": 2.0, "sound_speed": SOUND, "gamma": 1}},
+    "fluids": [{"phase": "water", "shape": "rest"}],
+}
+
+
+def run(start, time, damping, **more):
+    """The fluid at a time [s]."""
+    case = Case.from_dict(BOX | {"start": start, **more}).replace({"numerics.acoustic_damping": damping})
+    model = Model(case, threads=1)
+    model.stepper.prepare(fresh=True)
+    model.stepper.run(time, 10**9)
+    return model.snapshot().fluid, model
+
+
+def amplitude(damping, time):
+    """What is left of the kinetic and elastic energy of a standing wave of the length of the box, a root of it."""
+    fluid, model = run({"pressure": "0.2*cos(2*pi*x)"}, time, damping)
+    volume = fluid.mass / fluid.density
+    mode = np.cos(2 * np.pi * fluid.position[:, 0])
+    excess = (volume * (fluid.density / 2.0 - 1.0) * mode).sum()
+    moved = (volume * fluid.velocity[:, 0] * np.sin(2 * np.pi * fluid.position[:, 0])).sum()
+    return float(np.hypot(SOUND * excess, moved)), model.physics.h
+
+
+@pytest.mark.parametrize("damping", [0.125, 0.25, 0.5])
+def test_a_standing_wave_dies_out_at_the_rate_of_its_bulk_viscosity(damping):
+    """zeta k^2/(2 rho) with zeta = alpha rho c h: the mode is left with exp(-rate t) of what it has without."""
+    time = 0.3
+    free, h = amplitude(0.0, time)
+    damped, _ = amplitude(damping, time)
+    rate = 0.5 * damping * SOUND * h * (2 * np.pi) ** 2
+    # the slope of the kernel sees a wave of 16 smoothing lengths 4 % short, and so its rate 4 to 8 %
+    assert -np.log(damped / free) / (rate * time) == pytest.approx(1.0, abs=0.1)
+
+
+def test_vortices_lose_nothing_to_it():
+    square = BOX["domain"] | {"upper": [1, 1]}
+    swirl = ["sin(2*pi*x)*cos(2*pi*y)", "-cos(2*pi*x)*sin(2*pi*y)"]
+    start = {"velocity": swirl, "pressure": "0.5*(cos(4*pi*x) + cos(4*pi*y))"}
+    energies = []
+    for damping in (0.0, 0.5):
+        fluid, _ = run(start, 0.2, damping, domain=square)
+        energies.append((fluid.mass * (fluid.velocity**2).sum(axis=1)).sum())
+    # a shear viscosity as large as this bulk viscosity would have taken all of it
+    assert energies[1] == pytest.approx(energies[0], rel=2e-3)
+
+
+def test_two_fluids_have_none():
+    drop = {"phase": "oil", "shape": {"sphere": {"center": [0.5, 0.25], "radius": 0.1}}}
+    phases = {"water": {"density": 2.0}, "oil": {"density": 1.0}}
+    with pytest.raises(CaseError, match="acoustic_damping"):
+        Case.from_dict(BOX | {"phases": phases, "fluids": [drop, *BOX["fluids"]], "numerics": {"acoustic_damping": 0.1}})
