@@ -193,6 +193,7 @@ def make_births(spec: Spec) -> tuple[Any, Any, Any]:
         shift: wp.array(dtype=vec),
         carried: wp.array(dtype=vec),
         wall_impact: wp.array(dtype=real),
+        pressure_gradient: wp.array(dtype=vec),
         particle_id: wp.array(dtype=int),
         row_speed: wp.array(dtype=real),
         zone: wp.array(dtype=wp.int8),
@@ -224,6 +225,8 @@ def make_births(spec: Spec) -> tuple[Any, Any, Any]:
                 if wp.static(spec.shifting):
                     shift[i] = vec()
                     carried[i] = vec()
+                if wp.static(spec.density_diffusion):
+                    pressure_gradient[i] = vec()
                 if wp.static(spec.walls):
                     if i < wall_impact.shape[0]:  # which the Riemann scheme alone has
                         wall_impact[i] = real(0.0)

@@ -17,6 +17,7 @@ from typing import Any
 import warp as wp
 
 from warpsph.kernels.core.clock import STEP
+from warpsph.kernels.core.fields import FLUID
 from warpsph.kernels.core.pair import WRAPPED, list_access, separation_of
 from warpsph.kernels.core.params import make_params, make_phase
 from warpsph.kernels.core.smoothing import make_smoothing
@@ -71,8 +72,12 @@ def make_delta_continuity(spec: Spec, flow_part: bool = True, slow_part: bool = 
         density_excess: wp.array(dtype=real),
         density_rate: wp.array(dtype=real),
         carried: wp.array(dtype=vec),
+        zone: wp.array(dtype=wp.int8),
     ):
         i = wp.tid() + first
+        if wp.static(spec.open_axis >= 0):
+            if int(zone[i]) != FLUID:
+                return
         xi = midway[i]
         vi = velocity[i]
         p_i = state[i][0]

@@ -13,8 +13,8 @@ from warpsph.errors import CaseError
 from warpsph.kernels.core import clock as ck
 from warpsph.kernels.core.eos import make_eos
 from warpsph.kernels.core.fields import BUFFER, FLUID
+from warpsph.kernels.core.open_flow import make_excess, make_sponge
 from warpsph.kernels.core.side_fit import make_solve
-from warpsph.kernels.riemann.open_flow import make_excess, make_sponge
 from warpsph.measure.flow_gauges import turns
 from warpsph.measure.totals import Motion
 from warpsph.running.model import Model

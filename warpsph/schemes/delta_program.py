@@ -15,7 +15,9 @@ from warpsph.kernels.delta.delta_drift import make_delta_drift, make_delta_shift
 from warpsph.kernels.delta.delta_fields import ADVANCED
 from warpsph.kernels.delta.delta_load import make_delta_load
 from warpsph.kernels.delta.delta_momentum import make_delta_momentum
+from warpsph.kernels.delta.delta_open import make_buffer_gradient
 from warpsph.kernels.riemann.volume import make_volume
+from warpsph.schemes.open_stages import closed_sides, crossing, fill, open_flow, sponge
 from warpsph.schemes.wall_stages import bodies, moving_sides, signals, walls, walls_ahead
 
 
@@ -24,7 +26,9 @@ def program(spec: Spec) -> Program:
     measures: dict[str, list[Node]] = {}
     if spec.walls:
         measures["wall_load"] = [*signals(spec), *load(spec)]
-    return Program(step=step(spec), start=start(spec), advance=advance(spec), measures=measures)
+    return Program(
+        step=step(spec), start=start(spec), advance=advance(spec), measures=measures, changes=crossing(spec)
+    )
 
 
 def step(spec: Spec) -> list[Node]:
@@ -43,9 +47,12 @@ def leapfrog(spec: Spec) -> list[Node]:
         Stage("continuity", make_delta_continuity(spec), "fluid", "rate of the density, with its diffusion"),
         state(spec, closing=1),
         *bodies(spec, NEXT, closing=1),
+        *open_flow(spec),
         *walls(spec),
         *volume(spec),
+        *buffer_gradient(spec),
         momentum(spec),
+        *sponge(spec),
         advance(spec),
         KeepList(),
     ]
@@ -84,10 +91,13 @@ def start(spec: Spec) -> list[Node]:
     return [
         *signals(spec),
         *bodies(spec, NEXT, speed=1, closing=1),
+        *fill(spec),
         state(spec, closing=0),
         BuildList("the first list"),
         state(spec, closing=0),
+        *open_flow(spec, beginning=1),
         *walls(spec),
+        *buffer_gradient(spec),
         momentum(spec),
     ]
 
@@ -103,6 +113,13 @@ def volume(spec: Spec) -> list[Node]:
         Stage("volume_close", close, "one", "closes the volume sum"),
     ]
     return [Rarely(stages)]
+
+
+def buffer_gradient(spec: Spec) -> list[Stage]:
+    """Return the stage that finds the pressure gradient beyond inlets and outlets, which density diffusion needs."""
+    if spec.open_axis < 0 or not spec.density_diffusion:
+        return []
+    return [Stage("buffer_gradient", make_buffer_gradient(spec), "fluid", "pressure gradient beyond inlets and outlets")]
 
 
 def momentum(spec: Spec) -> Stage:
@@ -159,9 +176,11 @@ def absent(spec: Spec) -> list[Absent]:
     if not spec.shifting:
         rows.append(Absent("shift", "numerics.shifting is 0"))
     if not spec.volume_constraint:
-        rows.append(Absent("volume", "a free surface, or numerics.volume_constraint is false"))
+        reason = "a free surface, inlets and outlets, or numerics.volume_constraint is false"
+        rows.append(Absent("volume", reason))
     if not spec.free_surface:
         rows.append(Absent("free surface", "the fluid fills the domain"))
+    rows += closed_sides(spec)
     if not any(spec.periodic):
         rows.append(Absent("periodic images", "no periodic axis"))
     return rows

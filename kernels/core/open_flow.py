@@ -16,14 +16,14 @@ from typing import Any
 
 import warp as wp
 
-from warpsph.kernels.core.cells import make_grid
-from warpsph.kernels.core.clock import STEP, TIME
-from warpsph.kernels.core.crossing import make_open_side, make_outward
-from warpsph.kernels.core.eos import make_eos
-from warpsph.kernels.core.fields import BUFFER, FLUID
-from warpsph.kernels.core.params import make_params, make_phase
-from warpsph.kernels.core.side_fit import LEAST_WEIGHT, make_fit, make_signal, make_site_at
-from warpsph.kernels.core.spec import Spec, types, types_of
+from .cells import make_grid
+from .clock import STEP, TIME
+from .crossing import make_open_side, make_outward
+from .eos import make_eos
+from .fields import BUFFER, FLUID
+from .params import make_params, make_phase
+from .side_fit import make_between, make_fit, make_signal, make_site_at
+from .spec import Spec, types, types_of
 
 
 @functools.cache
@@ -244,7 +244,7 @@ def make_buffer(spec: Spec) -> Any:
     OpenSide = make_open_side(spec.dimension, spec.precision)
     beyond = make_outward(spec.dimension, spec.precision)
     excess_of = make_excess(spec.precision)
-    site_at = make_site_at(spec)
+    corners_of, between = make_between(spec)
     axis = spec.open_axis
 
     @wp.kernel(module="unique", enable_backward=False)
@@ -271,21 +271,10 @@ def make_buffer(spec: Spec) -> Any:
             return
         side = open_sides[which]
         x = position[i]
-        total = real(0.0)
-        face = pair()
-        v = vec()
-        stretch = real(0.0)
-        for corner in range(4):
-            k, weight = site_at(x, side, corner)
-            if site_open[k] == wp.uint8(1):
-                total += weight
-                face += weight * face_pressure[k]
-                v += weight * face_velocity[k]
-                stretch += weight * face_stretch[k]
-        if wp.abs(total) > real(LEAST_WEIGHT):
-            face /= total
-            v /= total
-            stretch /= total
+        corners = corners_of(x, side, site_open)
+        face = between(face_pressure, corners)
+        v = between(face_velocity, corners)
+        stretch = between(face_stretch, corners)
         row_speed[i] = v[axis]
         way = wp.min(beyond(x, side, axis), side.reach)  # further out no fluid sees it
         v[axis] = v[axis] + stretch * way
