@@ -52,7 +52,7 @@ def make_arrival(spec: Spec) -> Any:
     Params = make_params(spec.dimension, spec.precision)
     Phase = make_phase(spec.precision)
     Grid = make_grid(spec.dimension, spec.precision)
-    OpenSide = make_open_side(spec.dimension, spec.precision)
+    OpenSide = make_open_side(spec.precision)
     fit, signal_at = make_fit(spec), make_signal()
     axis = spec.open_axis
 
@@ -119,7 +119,7 @@ def make_side(spec: Spec) -> Any:
     has, with that velocity.
     """
     Phase = make_phase(spec.precision)
-    OpenSide = make_open_side(spec.dimension, spec.precision)
+    OpenSide = make_open_side(spec.precision)
 
     @wp.func
     def flow_given(
@@ -195,7 +195,7 @@ def make_face(spec: Spec) -> Any:
     """Return the kernel over the sites of all open sides that gives them pressure and velocity."""
     real, vec, _, pair = types_of(spec)
     Phase = make_phase(spec.precision)
-    OpenSide = make_open_side(spec.dimension, spec.precision)
+    OpenSide = make_open_side(spec.precision)
     axis = spec.open_axis
 
     @wp.kernel(module="unique", enable_backward=False)
@@ -241,7 +241,7 @@ def make_buffer(spec: Spec) -> Any:
     """
     real, vec, _, pair = types_of(spec)
     Phase = make_phase(spec.precision)
-    OpenSide = make_open_side(spec.dimension, spec.precision)
+    OpenSide = make_open_side(spec.precision)
     beyond = make_outward(spec.dimension, spec.precision)
     excess_of = make_excess(spec.precision)
     corners_of, between = make_between(spec)
@@ -297,7 +297,7 @@ def make_sponge(spec: Spec) -> Any:
     """
     real, vec, _, _ = types_of(spec)
     Phase = make_phase(spec.precision)
-    OpenSide = make_open_side(spec.dimension, spec.precision)
+    OpenSide = make_open_side(spec.precision)
     beyond = make_outward(spec.dimension, spec.precision)
     excess_of, site_at, signal_at = make_excess(spec.precision), make_site_at(spec), make_signal()
     axis = spec.open_axis

@@ -200,7 +200,7 @@ def make_site_at(spec: Spec) -> Any:
     corner: 0 to 3, of the cell of sites around the point. Half a spacing beyond the last site the line is continued.
     """
     real, vec, _, _ = types_of(spec)
-    OpenSide = make_open_side(spec.dimension, spec.precision)
+    OpenSide = make_open_side(spec.precision)
 
     @wp.func
     def along(place: real, count: int, wraps: int, end: int):
@@ -233,7 +233,7 @@ def make_between(spec: Spec) -> tuple[Any, Any]:
     where that is small, the sum of the values is not divided by it. between takes values at sites of any type.
     """
     real, vec, _, _ = types_of(spec)
-    OpenSide = make_open_side(spec.dimension, spec.precision)
+    OpenSide = make_open_side(spec.precision)
     site_at = make_site_at(spec)
     weights = wp.types.vector(length=4, dtype=real)
 

@@ -43,7 +43,7 @@ def make_delta_continuity(spec: Spec, flow_part: bool = True, slow_part: bool = 
     periodic = any(spec.periodic)
     carries = spec.shift_form == "consistent" and slow_part
     diffuses = spec.density_diffusion and slow_part
-    exact = spec.exact_divergence and flow_part
+    exact, roomy = spec.exact_divergence and flow_part, spec.room and flow_part
     sparse = SPARSE * spec.dimension
 
     @wp.kernel(module="unique", enable_backward=False, module_options=SWEEP_OPTIONS)
@@ -93,6 +93,7 @@ def make_delta_continuity(spec: Spec, flow_part: bool = True, slow_part: bool = 
         flow = mat()  # sum F V (v_j - v_i) (x) x_ij
         moment = mat()  # -sum F V x_ij (x) x_ij
         correctable = bool(True)
+        room = state[i][1]  # sum of (1 - r^2/R^2)^2 V, its own place included
         k = list_begin(i, list_width)
         step = list_step(particle_count)
         end = k + int(fluid_neighbours[i]) * step
@@ -106,10 +107,13 @@ def make_delta_continuity(spec: Spec, flow_part: bool = True, slow_part: bool = 
             dv = vi - velocity[j]
             if wp.static(flow_part):
                 rate += f * wp.dot(dv, d)
-            if wp.static(exact):
+            if wp.static(exact or roomy):
                 fd = f * d
                 flow -= wp.outer(dv, fd)
                 moment -= wp.outer(d, fd)
+            if wp.static(roomy):
+                inside = wp.max(real(1.0) - r2 * params.inv_window, real(0.0))
+                room += inside * inside * state_j[1]
             if wp.static(diffuses):
                 dp = state_j[0] - p_i
                 evening += f * (dp + real(0.5) * wp.dot(pressure_gradient[i] + pressure_gradient[j], d))
@@ -126,6 +130,12 @@ def make_delta_continuity(spec: Spec, flow_part: bool = True, slow_part: bool = 
                 k += step
                 d = separation(xi, position[j], wrapped, params)
                 f = slope(wp.length(d) * params.inv_h)
+                if wp.static(roomy):
+                    inside = wp.max(real(1.0) - wp.dot(d, d) * params.inv_window, real(0.0))
+                    volume = params.wall_volume
+                    if wp.static(spec.bodies):
+                        volume = boundary_volume[j - fluid_count]
+                    room += inside * inside * volume
                 if wp.static(spec.bodies):
                     w = j - fluid_count
                     fd = (f * boundary_volume[w]) * d
@@ -150,6 +160,9 @@ def make_delta_continuity(spec: Spec, flow_part: bool = True, slow_part: bool = 
         if wp.static(carries):
             carried[i] = carry * (real(0.5) * params.g_norm)
             total += real(0.5) * params.g_norm * moved / real(clock[STEP])
+        if wp.static(roomy):
+            strain = wp.sqrt(wp.ddot(flow, flow)) * params.g_norm
+            total += (real(1.0) + s_i) * params.room * strain * (room * params.window_norm - real(1.0))
         if wp.static(flow_part and not slow_part):
             total += slow_rate[i]
         if wp.static(spec.free_surface and flow_part):

@@ -34,7 +34,7 @@ def make_rows(spec: Spec) -> tuple[Any, Any]:
     is that of another rule leave gaps where the flow speeds up. `site_ahead` goes down by it.
     """
     real, vec, _, _ = types_of(spec)
-    OpenSide = make_open_side(spec.dimension, spec.precision)
+    OpenSide = make_open_side(spec.precision)
     time_weights, (corners_of, between) = make_weights(spec.second_order), make_between(spec)
     axis = spec.open_axis
 
@@ -80,7 +80,7 @@ def make_rows(spec: Spec) -> tuple[Any, Any]:
 def make_side_given(spec: Spec) -> Any:
     """Return the kernel over sites that evaluates what is given there at the end of the step."""
     real, vec, _, pair = types_of(spec)
-    OpenSide = make_open_side(spec.dimension, spec.precision)
+    OpenSide = make_open_side(spec.precision)
     signal_at = make_signal()
 
     @wp.kernel(module="unique", enable_backward=False)
@@ -113,7 +113,7 @@ def make_side_pressure(spec: Spec) -> Any:
     real, vec, _, pair = types_of(spec)
     Params = make_params(spec.dimension, spec.precision)
     Grid = make_grid(spec.dimension, spec.precision)
-    OpenSide = make_open_side(spec.dimension, spec.precision)
+    OpenSide = make_open_side(spec.precision)
     fit = make_fit(spec)
 
     @wp.kernel(module="unique", enable_backward=False)
@@ -152,7 +152,7 @@ def make_side_velocity(spec: Spec) -> Any:
     real, vec, _, pair = types_of(spec)
     Params = make_params(spec.dimension, spec.precision)
     Grid = make_grid(spec.dimension, spec.precision)
-    OpenSide = make_open_side(spec.dimension, spec.precision)
+    OpenSide = make_open_side(spec.precision)
     fit = make_fit(spec)
     axis = spec.open_axis
 
@@ -205,7 +205,7 @@ def make_buffer_pressure(spec: Spec) -> Any:
     Where the velocity is given it also writes the velocity at the end of the step, `velocity_star`.
     """
     real, vec, _, pair = types_of(spec)
-    OpenSide = make_open_side(spec.dimension, spec.precision)
+    OpenSide = make_open_side(spec.precision)
     beyond, (corners_of, between) = make_outward(spec.dimension, spec.precision), make_between(spec)
     axis = spec.open_axis
 
@@ -252,7 +252,7 @@ def make_buffer_velocity(spec: Spec) -> Any:
     Only what the fluid sees of them has a slope, not the way that they go (`make_rows`).
     """
     real, vec, _, _ = types_of(spec)
-    OpenSide = make_open_side(spec.dimension, spec.precision)
+    OpenSide = make_open_side(spec.precision)
     beyond, (corners_of, between) = make_outward(spec.dimension, spec.precision), make_between(spec)
     axis = spec.open_axis
 
@@ -329,7 +329,7 @@ def make_open_source(spec: Spec) -> Any:
     Params = make_params(spec.dimension, spec.precision)
     Phase = make_phase(spec.precision)
     Sides = make_sides(spec.dimension, spec.precision)
-    OpenSide = make_open_side(spec.dimension, spec.precision)
+    OpenSide = make_open_side(spec.precision)
     _, slope = make_smoothing(spec.kernel, spec.precision)
     images = make_images(spec)
     apart, image_velocity, lift = images.apart, images.image_velocity, images.lift

@@ -24,6 +24,7 @@ COURANT, RK4_COURANT = 0.5, 1.25
 DIFFUSION = 0.1
 # A of the shift: 2 is that of Sun et al. 2017 and 2019, which leaves vortices that begin on a lattice disordered.
 SHIFTING, PRINTED_SHIFTING = 8.0, 2.0
+ROOM_RATE = 2.0
 ALPHA = 0.02  # artificial viscosity of inviscid flow with a free surface (Antuono et al. 2010)
 
 
@@ -75,6 +76,9 @@ def derive(case: Case, geometry: Geometry, row_list: bool) -> Physics:
     closed = filled and not case.has_flow_through
     reason = "holds the mean pressure of a full domain" if closed else "a free surface, or inlets and outlets"
     held = choose("volume_constraint", closed and not paper, "printed form" if paper else reason)
+    reason = "printed form" if paper else "nothing else holds the volume between inlets and outlets"
+    roomy = case.has_flow_through and not paper
+    room = choose("room_rate", ROOM_RATE if roomy else 0.0, reason if case.has_flow_through else "not needed")
     reason = "printed form" if paper else "pairs exchange momentum" if filled else "particles under tension do not clump"
     control = choose("tension_control", paper or not filled, reason)
     alpha = choose("artificial_viscosity", 0.0 if filled else ALPHA, "no free surface" if filled else "a free surface")
@@ -114,6 +118,7 @@ def derive(case: Case, geometry: Geometry, row_list: bool) -> Physics:
         exact_divergence=bool(exact),
         tension_control=bool(control),
         volume_constraint=bool(held),
+        room=float(room) > 0,
         artificial_viscosity=choices["artificial"] > 0,
         runge_kutta=rk4,
         shift_form=str(shift_form) if float(shifting) > 0 else "",

@@ -100,6 +100,8 @@ class DeltaScheme(FlowThrough):
         ratio = physics.h / case.spacing
         params.shifting = float(choices["shifting"])
         params.shift_cap = SHIFT_CAP / ratio
+        if physics.spec.room:
+            params.room = float(choices["room_rate"])
         shape, _ = make_smoothing(physics.spec.kernel, "float64")
         return {
             **self.open_values(case, geometry, physics, device),
