@@ -21,13 +21,13 @@ BLOCKS = {True: 64, False: 1024}  # stretches of particles that births are count
 
 
 @functools.cache
-def make_open_side(dimension: int, precision: str) -> Any:
+def make_open_side(precision: str) -> Any:
     """Return the `OpenSide` struct: where an inlet or outlet is, what is given there, and its sites.
 
     Sites stand in the middle of the lattice cells of the side; the first transverse axis runs fastest. Axes that a dimension
     does not have are its own axis with one site.
     """
-    real = types(dimension, precision).real
+    real = types(2, precision).real
 
     @wp.struct
     class OpenSide:
@@ -97,7 +97,7 @@ def make_fill(spec: Spec) -> tuple[Any, Any]:
 def make_outward(dimension: int, precision: str) -> Any:
     """Return the `wp.func` beyond(x, side, axis): how far outside of an open side a point is [m]; inside it is negative."""
     vec = types(dimension, precision).vec
-    OpenSide = make_open_side(dimension, precision)
+    OpenSide = make_open_side(precision)
 
     @wp.func
     def beyond(x: vec, side: OpenSide, axis: int):
@@ -118,7 +118,7 @@ def make_births(spec: Spec) -> tuple[Any, Any, Any]:
     is no room for all, none is born and nothing crosses, and the loop stops until there is.
     """
     real, vec, _, pair = types_of(spec)
-    OpenSide = make_open_side(spec.dimension, spec.precision)
+    OpenSide = make_open_side(spec.precision)
     axis = spec.open_axis
 
     @wp.func
@@ -193,6 +193,7 @@ def make_births(spec: Spec) -> tuple[Any, Any, Any]:
         shift: wp.array(dtype=vec),
         carried: wp.array(dtype=vec),
         wall_impact: wp.array(dtype=real),
+        pressure_gradient: wp.array(dtype=vec),
         particle_id: wp.array(dtype=int),
         row_speed: wp.array(dtype=real),
         zone: wp.array(dtype=wp.int8),
@@ -224,6 +225,8 @@ def make_births(spec: Spec) -> tuple[Any, Any, Any]:
                 if wp.static(spec.shifting):
                     shift[i] = vec()
                     carried[i] = vec()
+                if wp.static(spec.density_diffusion):
+                    pressure_gradient[i] = vec()
                 if wp.static(spec.walls):
                     if i < wall_impact.shape[0]:  # which the Riemann scheme alone has
                         wall_impact[i] = real(0.0)
@@ -246,7 +249,7 @@ def make_crossing(spec: Spec) -> tuple[Any, Any]:
     It runs over blocks of particles, stretches of the rows before the newborn, each with the mass that crosses in it.
     """
     real, vec, _, _ = types_of(spec)
-    OpenSide = make_open_side(spec.dimension, spec.precision)
+    OpenSide = make_open_side(spec.precision)
     beyond = make_outward(spec.dimension, spec.precision)
     axis = spec.open_axis
 

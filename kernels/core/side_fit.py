@@ -200,7 +200,7 @@ def make_site_at(spec: Spec) -> Any:
     corner: 0 to 3, of the cell of sites around the point. Half a spacing beyond the last site the line is continued.
     """
     real, vec, _, _ = types_of(spec)
-    OpenSide = make_open_side(spec.dimension, spec.precision)
+    OpenSide = make_open_side(spec.precision)
 
     @wp.func
     def along(place: real, count: int, wraps: int, end: int):
@@ -223,3 +223,46 @@ def make_site_at(spec: Spec) -> Any:
         return side.first_site + n * side.first_count + m, first_share * second_share
 
     return site_at
+
+
+@functools.cache
+def make_between(spec: Spec) -> tuple[Any, Any]:
+    """Return the `wp.func`s (corners_of(x, side, site_open), between(values, corners)) that interpolate between sites.
+
+    corners_of finds the sites around a point, their weights, none for those that no fluid is before, and the sum of these;
+    where that is small, the sum of the values is not divided by it. between takes values at sites of any type.
+    """
+    real, vec, _, _ = types_of(spec)
+    OpenSide = make_open_side(spec.precision)
+    site_at = make_site_at(spec)
+    weights = wp.types.vector(length=4, dtype=real)
+
+    @wp.struct
+    class Corners:
+        site: wp.vec4i
+        weight: weights
+        total: real
+
+    @wp.func
+    def corners_of(x: vec, side: OpenSide, site_open: wp.array(dtype=wp.uint8)):
+        corners = Corners()
+        total = real(0.0)
+        for corner in range(4):
+            k, weight = site_at(x, side, corner)
+            corners.site[corner] = k
+            if site_open[k] == wp.uint8(1):
+                corners.weight[corner] = weight
+                total += weight
+        corners.total = real(1.0)
+        if wp.abs(total) > real(LEAST_WEIGHT):
+            corners.total = total
+        return corners
+
+    @wp.func
+    def between(values: wp.array(dtype=Any), corners: Corners):
+        result = values.dtype(real(0.0))
+        for corner in range(4):
+            result += corners.weight[corner] * values[corners.site[corner]]
+        return result / corners.total
+
+    return corners_of, between

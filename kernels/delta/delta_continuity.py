@@ -17,6 +17,7 @@ from typing import Any
 import warp as wp
 
 from warpsph.kernels.core.clock import STEP
+from warpsph.kernels.core.fields import FLUID
 from warpsph.kernels.core.pair import WRAPPED, list_access, separation_of
 from warpsph.kernels.core.params import make_params, make_phase
 from warpsph.kernels.core.smoothing import make_smoothing
@@ -42,7 +43,7 @@ def make_delta_continuity(spec: Spec, flow_part: bool = True, slow_part: bool = 
     periodic = any(spec.periodic)
     carries = spec.shift_form == "consistent" and slow_part
     diffuses = spec.density_diffusion and slow_part
-    exact = spec.exact_divergence and flow_part
+    exact, roomy = spec.exact_divergence and flow_part, spec.room and flow_part
     sparse = SPARSE * spec.dimension
 
     @wp.kernel(module="unique", enable_backward=False, module_options=SWEEP_OPTIONS)
@@ -71,8 +72,12 @@ def make_delta_continuity(spec: Spec, flow_part: bool = True, slow_part: bool = 
         density_excess: wp.array(dtype=real),
         density_rate: wp.array(dtype=real),
         carried: wp.array(dtype=vec),
+        zone: wp.array(dtype=wp.int8),
     ):
         i = wp.tid() + first
+        if wp.static(spec.open_axis >= 0):
+            if int(zone[i]) != FLUID:
+                return
         xi = midway[i]
         vi = velocity[i]
         p_i = state[i][0]
@@ -88,6 +93,7 @@ def make_delta_continuity(spec: Spec, flow_part: bool = True, slow_part: bool = 
         flow = mat()  # sum F V (v_j - v_i) (x) x_ij
         moment = mat()  # -sum F V x_ij (x) x_ij
         correctable = bool(True)
+        room = state[i][1]  # sum of (1 - r^2/R^2)^2 V, its own place included
         k = list_begin(i, list_width)
         step = list_step(particle_count)
         end = k + int(fluid_neighbours[i]) * step
@@ -101,10 +107,13 @@ def make_delta_continuity(spec: Spec, flow_part: bool = True, slow_part: bool = 
             dv = vi - velocity[j]
             if wp.static(flow_part):
                 rate += f * wp.dot(dv, d)
-            if wp.static(exact):
+            if wp.static(exact or roomy):
                 fd = f * d
                 flow -= wp.outer(dv, fd)
                 moment -= wp.outer(d, fd)
+            if wp.static(roomy):
+                inside = wp.max(real(1.0) - r2 * params.inv_window, real(0.0))
+                room += inside * inside * state_j[1]
             if wp.static(diffuses):
                 dp = state_j[0] - p_i
                 evening += f * (dp + real(0.5) * wp.dot(pressure_gradient[i] + pressure_gradient[j], d))
@@ -121,6 +130,12 @@ def make_delta_continuity(spec: Spec, flow_part: bool = True, slow_part: bool = 
                 k += step
                 d = separation(xi, position[j], wrapped, params)
                 f = slope(wp.length(d) * params.inv_h)
+                if wp.static(roomy):
+                    inside = wp.max(real(1.0) - wp.dot(d, d) * params.inv_window, real(0.0))
+                    volume = params.wall_volume
+                    if wp.static(spec.bodies):
+                        volume = boundary_volume[j - fluid_count]
+                    room += inside * inside * volume
                 if wp.static(spec.bodies):
                     w = j - fluid_count
                     fd = (f * boundary_volume[w]) * d
@@ -145,6 +160,9 @@ def make_delta_continuity(spec: Spec, flow_part: bool = True, slow_part: bool = 
         if wp.static(carries):
             carried[i] = carry * (real(0.5) * params.g_norm)
             total += real(0.5) * params.g_norm * moved / real(clock[STEP])
+        if wp.static(roomy):
+            strain = wp.sqrt(wp.ddot(flow, flow)) * params.g_norm
+            total += (real(1.0) + s_i) * params.room * strain * (room * params.window_norm - real(1.0))
         if wp.static(flow_part and not slow_part):
             total += slow_rate[i]
         if wp.static(spec.free_surface and flow_part):

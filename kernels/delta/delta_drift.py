@@ -12,6 +12,7 @@ import warp as wp
 
 from warpsph.kernels.core.clock import EXCESS_PRESSURE, LAST_STEP, MAXIMA, RUNAWAY, STEP
 from warpsph.kernels.core.eos import make_eos
+from warpsph.kernels.core.fields import FLUID, NOBODY
 from warpsph.kernels.core.params import LEAST_DENSITY, make_phase
 from warpsph.kernels.core.spec import Spec, types_of
 
@@ -38,12 +39,22 @@ def make_delta_drift(spec: Spec) -> Any:
         midway: wp.array(dtype=vec),
         maxima: wp.array(dtype=real),
         faults: wp.array(dtype=int),
+        zone: wp.array(dtype=wp.int8),
+        row_speed: wp.array(dtype=real),
     ):
         i = wp.tid() + first
+        if wp.static(spec.open_axis >= 0):
+            if int(zone[i]) == NOBODY:
+                return
         v = velocity[i] + acceleration[i] * real(wp.float64(0.5) * (clock[STEP] + clock[LAST_STEP]))
         go = v * real(clock[STEP])
         if wp.static(spec.shifting):
             go += shift[i]
+        if wp.static(spec.open_axis >= 0):
+            if int(zone[i]) != FLUID:
+                # a buffer moves across its side alone, so that its rows stay whole
+                go = vec()
+                go[wp.static(max(spec.open_axis, 0))] = row_speed[i] * real(clock[STEP])
         way = offset[i] + go
         x = anchor[i] + way
         velocity[i] = v
@@ -72,7 +83,8 @@ def make_delta_drift(spec: Spec) -> Any:
 def make_delta_state(spec: Spec) -> Any:
     """Return the kernel that advances density by its rate, velocity by what the shift carries, and evaluates the state.
 
-    closing: 1 at the end of a step, 0 for the state of what is there.
+    closing: 1 at the end of a step, for all but buffers, which have what inlets and outlets give; 0 for the state of what is
+    there.
     """
     real, vec, _, pair = types_of(spec)
     Phase = make_phase(spec.precision)
@@ -93,8 +105,12 @@ def make_delta_state(spec: Spec) -> Any:
         velocity: wp.array(dtype=vec),
         state: wp.array(dtype=pair),
         wholeness_old: wp.array(dtype=real),
+        zone: wp.array(dtype=wp.int8),
     ):
         i = wp.tid() + first
+        if wp.static(spec.open_axis >= 0):
+            if closing == 1 and int(zone[i]) != FLUID:
+                return
         s = density_excess[i]
         if closing == 1:
             s += real(clock[STEP]) * density_rate[i]

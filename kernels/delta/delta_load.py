@@ -8,6 +8,7 @@ from typing import Any
 
 import warp as wp
 
+from warpsph.kernels.core.fields import FLUID
 from warpsph.kernels.core.pair import list_access, separation_of
 from warpsph.kernels.core.params import make_params, make_phase
 from warpsph.kernels.core.smoothing import make_smoothing
@@ -45,6 +46,7 @@ def make_delta_load(spec: Spec) -> Any:
         slip: wp.array(dtype=wp.uint8),
         load: wp.array(dtype=vec),
         friction: wp.array(dtype=vec),
+        zone: wp.array(dtype=wp.int8),
     ):
         w = wp.tid() + first
         i = w + fluid_count
@@ -58,6 +60,9 @@ def make_delta_load(spec: Spec) -> Any:
         while k < end:
             j = neighbour(neighbours, i, k)
             k += step
+            if wp.static(spec.open_axis >= 0):
+                if int(zone[j]) != FLUID:
+                    continue  # nothing pushes a buffer
             d = separation(position[j], xi, True, params)  # from the wall particle to the fluid particle
             r2 = wp.dot(d, d)
             p_j = state[j][0]

@@ -17,6 +17,7 @@ import warp as wp
 
 from warpsph.kernels.core.clock import MAXIMA, SPEED, STEP
 from warpsph.kernels.core.eigenvalue import make_least_eigenvalue
+from warpsph.kernels.core.fields import FLUID
 from warpsph.kernels.core.pair import WRAPPED, list_access, separation_of
 from warpsph.kernels.core.params import make_params, make_phase
 from warpsph.kernels.core.smoothing import KERNELS, make_smoothing
@@ -35,20 +36,16 @@ ALONE, WHOLE = 0.4, 0.75  # least eigenvalues up to which a particle is not shif
 def make_delta_momentum(spec: Spec, measuring: bool = True) -> Any:
     """Return the sweep that writes acceleration, and with `measuring` pressure gradient, wholeness and shift too."""
     real, vec, mat, pair = types_of(spec)
-    Params = make_params(spec.dimension, spec.precision)
-    Phase = make_phase(spec.precision)
-    shape, slope = make_smoothing(spec.kernel, spec.precision)
-    separation = separation_of(spec)
+    Params, Phase = make_params(spec.dimension, spec.precision), make_phase(spec.precision)
+    (shape, slope), separation = make_smoothing(spec.kernel, spec.precision), separation_of(spec)
     list_begin, list_step, neighbour, Listed = list_access(spec)
-    driving_force = make_driving_force(spec)
+    driving_force, least_eigenvalue = make_driving_force(spec), make_least_eigenvalue(spec.dimension, spec.precision)
     viscous = spec.viscosity != "none"
-    viscous_term = make_viscosity(spec.viscosity if viscous else "radial", spec.dimension, spec.precision)
-    artificial_term = make_viscosity("radial", spec.dimension, spec.precision)
-    least_eigenvalue = make_least_eigenvalue(spec.dimension, spec.precision)
+    forms = (spec.viscosity if viscous else "radial", "radial")
+    viscous_term, artificial_term = (make_viscosity(form, spec.dimension, spec.precision) for form in forms)
     limit_shift, crowding = make_limit_shift(spec), make_crowding(spec.precision)
     touch_of, braked, braked_by_cells, held_by_cells = make_contact_of(spec)
-    diffuses = spec.density_diffusion and measuring
-    shifts = spec.shifting and measuring
+    diffuses, shifts = spec.density_diffusion and measuring, spec.shifting and measuring
     measured = diffuses or (spec.free_surface and measuring)  # the moment is needed
 
     @wp.kernel(module="unique", enable_backward=False, module_options=SWEEP_OPTIONS)
@@ -84,8 +81,12 @@ def make_delta_momentum(spec: Spec, measuring: bool = True) -> Any:
         acceleration: wp.array(dtype=vec),
         shift: wp.array(dtype=vec),
         maxima: wp.array(dtype=real),
+        zone: wp.array(dtype=wp.int8),
     ):
         i = wp.tid() + first
+        if wp.static(spec.open_axis >= 0):
+            if int(zone[i]) != FLUID:
+                return  # nothing pushes a buffer, and none is shifted
         xi = position[i]
         vi = velocity[i]
         p_i = state[i][0]

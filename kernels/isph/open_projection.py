@@ -19,7 +19,7 @@ from warpsph.kernels.core.fields import BUFFER, FLUID
 from warpsph.kernels.core.mirror import code_shift, make_images, make_sides
 from warpsph.kernels.core.pair import WRAPPED, list_access
 from warpsph.kernels.core.params import make_params, make_phase
-from warpsph.kernels.core.side_fit import LEAST_WEIGHT, make_fit, make_signal, make_site_at
+from warpsph.kernels.core.side_fit import make_between, make_fit, make_signal
 from warpsph.kernels.core.smoothing import make_smoothing
 from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, types_of
 from warpsph.kernels.core.time_signals import GRAVITY_NEXT, make_forcing
@@ -34,8 +34,8 @@ def make_rows(spec: Spec) -> tuple[Any, Any]:
     is that of another rule leave gaps where the flow speeds up. `site_ahead` goes down by it.
     """
     real, vec, _, _ = types_of(spec)
-    OpenSide = make_open_side(spec.dimension, spec.precision)
-    time_weights, site_at = make_weights(spec.second_order), make_site_at(spec)
+    OpenSide = make_open_side(spec.precision)
+    time_weights, (corners_of, between) = make_weights(spec.second_order), make_between(spec)
     axis = spec.open_axis
 
     @wp.kernel(module="unique", enable_backward=False)
@@ -71,16 +71,7 @@ def make_rows(spec: Spec) -> tuple[Any, Any]:
         if which < 0:
             return
         side = open_sides[which]
-        total = real(0.0)
-        v = real(0.0)
-        for corner in range(4):
-            k, weight = site_at(position[i], side, corner)
-            if site_open[k] == wp.uint8(1):
-                total += weight
-                v += weight * site_speed[k]
-        if wp.abs(total) > real(LEAST_WEIGHT):
-            v /= total
-        row_speed[i] = v
+        row_speed[i] = between(site_speed, corners_of(position[i], side, site_open))
 
     return site_way, row_way
 
@@ -89,7 +80,7 @@ def make_rows(spec: Spec) -> tuple[Any, Any]:
 def make_side_given(spec: Spec) -> Any:
     """Return the kernel over sites that evaluates what is given there at the end of the step."""
     real, vec, _, pair = types_of(spec)
-    OpenSide = make_open_side(spec.dimension, spec.precision)
+    OpenSide = make_open_side(spec.precision)
     signal_at = make_signal()
 
     @wp.kernel(module="unique", enable_backward=False)
@@ -122,7 +113,7 @@ def make_side_pressure(spec: Spec) -> Any:
     real, vec, _, pair = types_of(spec)
     Params = make_params(spec.dimension, spec.precision)
     Grid = make_grid(spec.dimension, spec.precision)
-    OpenSide = make_open_side(spec.dimension, spec.precision)
+    OpenSide = make_open_side(spec.precision)
     fit = make_fit(spec)
 
     @wp.kernel(module="unique", enable_backward=False)
@@ -161,7 +152,7 @@ def make_side_velocity(spec: Spec) -> Any:
     real, vec, _, pair = types_of(spec)
     Params = make_params(spec.dimension, spec.precision)
     Grid = make_grid(spec.dimension, spec.precision)
-    OpenSide = make_open_side(spec.dimension, spec.precision)
+    OpenSide = make_open_side(spec.precision)
     fit = make_fit(spec)
     axis = spec.open_axis
 
@@ -214,8 +205,8 @@ def make_buffer_pressure(spec: Spec) -> Any:
     Where the velocity is given it also writes the velocity at the end of the step, `velocity_star`.
     """
     real, vec, _, pair = types_of(spec)
-    OpenSide = make_open_side(spec.dimension, spec.precision)
-    beyond, site_at = make_outward(spec.dimension, spec.precision), make_site_at(spec)
+    OpenSide = make_open_side(spec.precision)
+    beyond, (corners_of, between) = make_outward(spec.dimension, spec.precision), make_between(spec)
     axis = spec.open_axis
 
     @wp.kernel(module="unique", enable_backward=False)
@@ -240,19 +231,9 @@ def make_buffer_pressure(spec: Spec) -> Any:
             return
         side = open_sides[which]
         x = position[i]
-        total = real(0.0)
-        face = pair()
-        v = vec()
-        for corner in range(4):
-            k, weight = site_at(x, side, corner)
-            if site_open[k] == wp.uint8(1):
-                total += weight
-                face += weight * face_pressure[k]
-                v += weight * given_velocity[k]
-        if wp.abs(total) > real(LEAST_WEIGHT):
-            face /= total
-            v /= total
-        velocity_star[i] = v
+        corners = corners_of(x, side, site_open)
+        face = between(face_pressure, corners)
+        velocity_star[i] = between(given_velocity, corners)
         p = face[0] + face[1] * wp.min(beyond(x, side, axis), side.reach)  # further out no fluid sees it
         pressure[i] = p
         state[i] = pair(p, rest_volume[i])
@@ -271,8 +252,8 @@ def make_buffer_velocity(spec: Spec) -> Any:
     Only what the fluid sees of them has a slope, not the way that they go (`make_rows`).
     """
     real, vec, _, _ = types_of(spec)
-    OpenSide = make_open_side(spec.dimension, spec.precision)
-    beyond, site_at = make_outward(spec.dimension, spec.precision), make_site_at(spec)
+    OpenSide = make_open_side(spec.precision)
+    beyond, (corners_of, between) = make_outward(spec.dimension, spec.precision), make_between(spec)
     axis = spec.open_axis
 
     @wp.kernel(module="unique", enable_backward=False)
@@ -295,21 +276,10 @@ def make_buffer_velocity(spec: Spec) -> Any:
             return
         side = open_sides[which]
         x = position[i]
-        total = real(0.0)
-        v = vec()
-        old = vec()
-        stretch = real(0.0)
-        for corner in range(4):
-            k, weight = site_at(x, side, corner)
-            if site_open[k] == wp.uint8(1):
-                total += weight
-                v += weight * face_velocity[k]
-                old += weight * face_before[k]
-                stretch += weight * face_stretch[k]
-        if wp.abs(total) > real(LEAST_WEIGHT):
-            v /= total
-            old /= total
-            stretch /= total
+        corners = corners_of(x, side, site_open)
+        v = between(face_velocity, corners)
+        old = between(face_before, corners)
+        stretch = between(face_stretch, corners)
         way = stretch * wp.min(beyond(x, side, axis), side.reach)
         v[axis] = v[axis] + way
         old[axis] = old[axis] + way
@@ -359,7 +329,7 @@ def make_open_source(spec: Spec) -> Any:
     Params = make_params(spec.dimension, spec.precision)
     Phase = make_phase(spec.precision)
     Sides = make_sides(spec.dimension, spec.precision)
-    OpenSide = make_open_side(spec.dimension, spec.precision)
+    OpenSide = make_open_side(spec.precision)
     _, slope = make_smoothing(spec.kernel, spec.precision)
     images = make_images(spec)
     apart, image_velocity, lift = images.apart, images.image_velocity, images.lift

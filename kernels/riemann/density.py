@@ -16,7 +16,7 @@ from warpsph.kernels.core.fields import FLUID
 from warpsph.kernels.core.pair import NEAR, WRAPPED, list_access, separation_of
 from warpsph.kernels.core.params import make_params, make_phase
 from warpsph.kernels.core.smoothing import make_smoothing
-from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, types_of
+from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, types, types_of
 from warpsph.kernels.core.time_signals import GRAVITY_NOW, make_forcing
 
 from .body_flow import make_body_flow
@@ -57,6 +57,41 @@ def make_state(spec: Spec) -> Any:
 
 
 @functools.cache
+def make_hardening(precision: str) -> Any:
+    """Return the `wp.func` hardening(pressed, gamma) -> (stiffness, mobility), both over those at rest.
+
+    A gas that is pressed is stiffer by (1+s)^gamma, and its impedance rho c is larger by the power (gamma+1)/2: with the
+    impedance at rest the pressures of neighbours would overshoot each other. A few per cent do not count.
+    """
+    real = types(2, precision).real
+
+    @wp.func
+    def hardening(pressed: real, gamma: real):
+        hardened, softened = real(1.0), real(1.0)
+        if pressed > real(1.0):
+            hardened = wp.pow(pressed, gamma)
+            softened = wp.pow(pressed, real(-0.5) * (gamma + real(1.0)))
+        return hardened, softened
+
+    return hardening
+
+
+@functools.cache
+def make_damping(spec: Spec) -> Any:
+    """Return the `wp.func` damping(rate of the density excess, params, phase): the pressure that damps sound [Pa]."""
+    real = types_of(spec).real
+    Params = make_params(spec.dimension, spec.precision)
+    Phase = make_phase(spec.precision)
+
+    @wp.func
+    def damping(rate: real, params: Params, own: Phase):
+        loudest = real(LOUDEST) * own.impedance * own.sound_speed
+        return wp.clamp(params.damping * params.h * own.impedance * rate, -loudest, loudest)
+
+    return damping
+
+
+@functools.cache
 def make_continuity(spec: Spec) -> Any:
     """Return the continuity sweep of a `Spec`: reads the old state, writes density excess and new state."""
     real, vec, mat, pair = types_of(spec)
@@ -68,6 +103,7 @@ def make_continuity(spec: Spec) -> Any:
     list_begin, list_step, neighbour, Listed = list_access(spec)
     star_velocity, _ = make_star(spec.precision, spec.paper_star)
     laplace_jump = make_jump(spec.precision)
+    hardening, damping, damps = make_hardening(spec.precision), make_damping(spec), spec.acoustic_damping
     gravity_of, _ = make_forcing(spec)
     periodic = any(spec.periodic)
     jumps = spec.tension == "pressure_jump"
@@ -111,8 +147,7 @@ def make_continuity(spec: Spec) -> Any:
         if wp.static(spec.open_axis >= 0):
             if int(zone[i]) != FLUID:
                 return
-        xi = midway[i]
-        vi = velocity[i]
+        xi, vi = midway[i], velocity[i]
         p_i = state_old[i][0]
         own = phases[0]
         own_phase = int(0)
@@ -121,19 +156,13 @@ def make_continuity(spec: Spec) -> Any:
             own = phases[own_phase]
         wrapped, near = bool(False), bool(False)
         if wp.static(periodic or spec.multiphase):
-            flag = int(flags[i])
-            wrapped = (flag & WRAPPED) != 0
-            near = (flag & NEAR) != 0
+            wrapped = (int(flags[i]) & WRAPPED) != 0
+            near = (int(flags[i]) & NEAR) != 0
         inv_z = own.mobility  # a quotient here would be pushed into the pair loop by the compiler
         hardened, softened = real(1.0), real(1.0)
         if wp.static(spec.dissipation and spec.multiphase):
-            # A gas that is pressed is stiffer by (1+s)^gamma, and its impedance rho c is larger by the power (gamma+1)/2:
-            # with the impedance at rest the pressures of neighbours would overshoot each other. A few per cent do not count.
-            pressed = rest_volume[i] / (state_old[i][1] * real(PRESSED))
-            if pressed > real(1.0):
-                hardened = wp.pow(pressed, own.gamma)
-                softened = wp.pow(pressed, real(-0.5) * (own.gamma + real(1.0)))
-                inv_z *= softened
+            hardened, softened = hardening(rest_volume[i] / (state_old[i][1] * real(PRESSED)), own.gamma)
+            inv_z *= softened
 
         rate = real(0.0)
         blur = real(0.0)  # part of the rate from pressure differences, where sound is damped
@@ -143,13 +172,11 @@ def make_continuity(spec: Spec) -> Any:
         own_stiffness = real(0.0)  # the same of the pairs of the own phase
         flow, moment = mat(), mat()  # sums of (v_j - v_i) (x) F V x_ij and of -x_ij (x) F V x_ij
         crowd = real(0.0)  # -sum F V r^2: the dimension inside a fluid, about half of it on a free surface
-        k = list_begin(i, list_width)
-        step = list_step(particle_count)
+        k, step = list_begin(i, list_width), list_step(particle_count)
         end = k + int(fluid_neighbours[i]) * step
         if wp.static(spec.multiphase):
             if near:
-                kappa_i = real(0.0)
-                w_i = real(0.0)
+                kappa_i, w_i = real(0.0), real(0.0)
                 if wp.static(jumps):
                     kappa_i = curvature[i]
                     w_i = interface_weight[i]
@@ -212,7 +239,7 @@ def make_continuity(spec: Spec) -> Any:
                     dp -= real(0.5) * wp.dot(pressure_gradient[i] + pressure_gradient[j], d)
                 elif wp.static(spec.gravity):
                     dp -= own.density * wp.dot(gravity_of(params, forcing, GRAVITY_NOW), d)
-                if wp.static(spec.acoustic_damping):
+                if wp.static(damps):
                     blur += f * (dp * r * inv_z)
                 else:
                     term += dp * r * inv_z
@@ -250,9 +277,8 @@ def make_continuity(spec: Spec) -> Any:
             rate += evening
 
         s = density_excess[i]
-        squeezed = real(0.0)  # the rate of the flow
-        if wp.static(spec.acoustic_damping):
-            squeezed = (real(1.0) + s) * params.g_norm * rate
+        if wp.static(damps):
+            damped = damping((real(1.0) + s) * params.g_norm * rate, params, own)
             rate += blur
         s += real(clock[STEP]) * (real(1.0) + s) * params.g_norm * rate
         if wp.static(spray):
@@ -260,10 +286,9 @@ def make_continuity(spec: Spec) -> Any:
             if crowd * params.g_norm < real(sparse):
                 s = wp.max(s, real(0.0))
         density_excess[i] = s
-        follows = pair(eos(s, own.stiffness, own.gamma) + own.background, rest_volume[i] / (real(1.0) + s))
-        if wp.static(spec.acoustic_damping):
-            loudest = real(LOUDEST) * own.impedance * own.sound_speed
-            follows[0] += wp.clamp(params.damping * params.h * own.impedance * squeezed, -loudest, loudest)
-        state[i] = follows
+        p = eos(s, own.stiffness, own.gamma) + own.background
+        if wp.static(damps):
+            p += damped
+        state[i] = pair(p, rest_volume[i] / (real(1.0) + s))
 
     return continuity

@@ -1,96 +1,24 @@
 """Inlets and outlets: what goes in and out, what arrives at a side and what comes back from it."""
 
-import copy
-
 import numpy as np
 import pytest
 import warp as wp
 
 from tests.helpers import evaluate
+from tests.open_scenes import CHANNEL, INLET, OUTLET, THROUGH, buffers, prepared, run, scene, through
 from warpsph.case.case import Case
 from warpsph.engine.program import Stage
 from warpsph.errors import CaseError
 from warpsph.kernels.core import clock as ck
 from warpsph.kernels.core.eos import make_eos
 from warpsph.kernels.core.fields import BUFFER, FLUID
+from warpsph.kernels.core.open_flow import make_excess, make_sponge
 from warpsph.kernels.core.side_fit import make_solve
-from warpsph.kernels.riemann.open_flow import make_excess, make_sponge
 from warpsph.measure.flow_gauges import turns
 from warpsph.measure.totals import Motion
 from warpsph.running.model import Model
 from warpsph.scene.open_faces import buffer_layers, make_faces, signal_samples
 from warpsph.schemes import open_run
-
-# A box that fluid flows through, the same everywhere along y.
-THROUGH = {
-    "dimension": 2,
-    "particle_spacing": 0.1,
-    "end_time": 200.0,
-    "domain": {
-        "lower": [0, 0],
-        "upper": [1, 0.8],
-        "boundary": {
-            "x": {"lower": {"inlet": {"velocity": [1, 0]}}, "upper": {"outlet": {"pressure": 0}}},
-            "y": "periodic",
-        },
-    },
-    "phases": {"water": {"density": 2.0, "sound_speed": 10.0}},
-    "fluids": [{"phase": "water", "shape": "rest"}],
-    "start": {"velocity": [1, 0]},
-}
-
-# A channel of height 1 with no-slip walls, Re = 20 of mean speed 1.
-PARABOLA = "6*y*(1 - y)"
-CHANNEL = {
-    **THROUGH,
-    "domain": {
-        "lower": [0, 0],
-        "upper": [3, 1],
-        "boundary": {
-            "x": {"lower": {"inlet": {"velocity": [PARABOLA, 0]}}, "upper": {"outlet": {"pressure": 0}}},
-            "y": "wall",
-        },
-    },
-    "phases": {"water": {"density": 1.0, "viscosity": 0.05, "gamma": 1, "sound_speed": 15.0}},
-    "start": {"velocity": [PARABOLA, 0]},
-}
-INLET = "domain.boundary.x.lower.inlet"
-OUTLET = "domain.boundary.x.upper.outlet"
-
-
-def scene(data, **changes):
-    """A case with changes by dotted path, __ for the dot."""
-    case = Case.from_dict(copy.deepcopy(data))
-    return case.replace({path.replace("__", "."): value for path, value in changes.items()}) if changes else case
-
-
-def prepared(case, device, threads=1):
-    """A run of the case, its list built."""
-    model = Model(case, device=device, threads=threads)
-    model.stepper.prepare(fresh=True)
-    return model
-
-
-def run(model, time):
-    """Step to a time [s] without a fault."""
-    model.stepper.run(time, 10**8)
-    assert model.stepper.read()[1][ck.FAULT] == 0
-    return model.snapshot()
-
-
-def buffers(model):
-    """Zone, position, velocity and pressure of the particles in the buffers."""
-    zone = model.particles.get("zone")
-    there = zone >= BUFFER
-    fields = (model.particles.get(name)[: len(zone)][there] for name in ("position", "velocity", "state"))
-    return zone[there], *fields
-
-
-def through(model):
-    """Mass that has come in less what has gone out [kg/m]."""
-    masses = model.stepper.bindings["through"].numpy().reshape(-1, 2)
-    return float((masses[:, 0] - masses[:, 1]).sum())
-
 
 # formulas ----------------------------------------------------------------------------------------------------
 

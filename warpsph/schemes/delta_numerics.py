@@ -75,6 +75,12 @@ class DeltaNumerics(NumericsBase):
         description="keep the total volume of closed or periodic domains. auto: true there (paper: false)",
         examples=["true"],
     )
+    room_rate: Annotated[float | Auto, NumberRule(least=0, most=50, auto=True)] = Field(
+        default="auto",
+        description="rate, over the velocity gradient, at which the density is held to the room that particles take. "
+        "auto: 2 with inlets and outlets, else 0 (paper: 0)",
+        examples=["2"],
+    )
     tension_control: Switch = Field(
         default="auto",
         description="pressure below zero acts by its differences, away from free surfaces, so that particles do not clump; "

@@ -10,9 +10,11 @@ from warpsph.errors import CaseError, Problem
 from warpsph.kernels.core.smoothing import KERNELS
 from warpsph.kernels.core.spec import Spec
 from warpsph.scene.forcing import forcing_of
+from warpsph.scene.open_faces import open_axis, open_sides
 from warpsph.scene.physics import VISCOUS_LIMIT, Physics, check_periods, flow_scales, has_room, smoothing_ratio
 from warpsph.schemes.delta_numerics import DeltaNumerics
-from warpsph.schemes.riemann_physics import sound_speeds
+from warpsph.schemes.flow_through import check_filled
+from warpsph.schemes.riemann_physics import fitted_walls, sound_speeds
 
 if TYPE_CHECKING:
     from warpsph.case.case import Case
@@ -22,6 +24,7 @@ COURANT, RK4_COURANT = 0.5, 1.25
 DIFFUSION = 0.1
 # A of the shift: 2 is that of Sun et al. 2017 and 2019, which leaves vortices that begin on a lattice disordered.
 SHIFTING, PRINTED_SHIFTING = 8.0, 2.0
+ROOM_RATE = 2.0
 ALPHA = 0.02  # artificial viscosity of inviscid flow with a free surface (Antuono et al. 2010)
 
 
@@ -31,6 +34,7 @@ def derive(case: Case, geometry: Geometry, row_list: bool) -> Physics:
     assert isinstance(numerics, DeltaNumerics)
     paper = numerics.formulation == "paper"
     filled = not has_room(case, geometry)
+    check_filled(case, filled)
     forcing = forcing_of(case)
     phase = case.phases[case.phase_names[0]]
     choices: dict[str, Any] = {}
@@ -56,8 +60,9 @@ def derive(case: Case, geometry: Geometry, row_list: bool) -> Physics:
     shift_form = choose("shift_form", "positions" if paper else "consistent", "printed form" if paper else "fields stay put")
     choose("unlock", 0.0, "not needed")
     varying = forcing.varying_force or forcing.varying_sides or bool(forcing.tracks)
-    reason = "printed form" if paper and not varying else "as accurate, and faster"
-    rk4 = choose("integrator", "rk4" if paper and not varying else "leapfrog", reason) == "rk4"
+    printed = paper and not varying and not case.has_flow_through
+    reason = "printed form" if printed else "as accurate, and faster"
+    rk4 = choose("integrator", "rk4" if printed else "leapfrog", reason) == "rk4"
     if rk4 and varying:
         rule = "does not know gravity, walls or bodies that depend on time"
         raise CaseError([Problem("numerics.integrator", "rk4", rule, "write leapfrog, or auto")])
@@ -68,11 +73,12 @@ def derive(case: Case, geometry: Geometry, row_list: bool) -> Physics:
         filled and not paper,
         "printed form" if paper else "the fluid fills the domain" if filled else "a free surface",
     )
-    held = choose(
-        "volume_constraint",
-        filled and not paper,
-        "printed form" if paper else "holds the mean pressure of a full domain" if filled else "a free surface",
-    )
+    closed = filled and not case.has_flow_through
+    reason = "holds the mean pressure of a full domain" if closed else "a free surface, or inlets and outlets"
+    held = choose("volume_constraint", closed and not paper, "printed form" if paper else reason)
+    reason = "printed form" if paper else "nothing else holds the volume between inlets and outlets"
+    roomy = case.has_flow_through and not paper
+    room = choose("room_rate", ROOM_RATE if roomy else 0.0, reason if case.has_flow_through else "not needed")
     reason = "printed form" if paper else "pairs exchange momentum" if filled else "particles under tension do not clump"
     control = choose("tension_control", paper or not filled, reason)
     alpha = choose("artificial_viscosity", 0.0 if filled else ALPHA, "no free surface" if filled else "a free surface")
@@ -84,7 +90,7 @@ def derive(case: Case, geometry: Geometry, row_list: bool) -> Physics:
     support = h * KERNELS[numerics.kernel].support
     scales, seen = flow_scales(case, geometry, np.zeros((1, 1)), filled)
     sound, warnings = sound_speeds(case, scales, seen, filled)
-    viscous = phase.viscosity > 0
+    viscous, fitted = phase.viscosity > 0, fitted_walls(case, geometry)
     choices["artificial"] = max(
         float(alpha) * h * sound[0] * phase.density / (2 * (case.dimension + 2)) - phase.viscosity, 0.0
     )
@@ -94,9 +100,9 @@ def derive(case: Case, geometry: Geometry, row_list: bool) -> Physics:
         kernel=numerics.kernel,
         periodic=tuple(case.periodic),
         walls=geometry.wall_count > 0,
-        bodies=bool(case.bodies),
-        wall_sound=bool(case.bodies) and not rk4,  # whose walls are of the moment of each part of a step anyway
-        tails=geometry.surface is not None and geometry.surface.frames.count > 0,
+        bodies=fitted,
+        wall_sound=fitted and not rk4,  # whose walls are of the moment of each part of a step anyway
+        tails=fitted and geometry.surface is not None and geometry.surface.frames.count > 0,
         wall_no_slip=viscous and bool((geometry.wall_slip[geometry.kind == 1] == 0).any()),
         viscosity=str(form) if viscous else "none",
         gravity=bool(np.any(forcing.hydrostatic() != 0)),
@@ -112,9 +118,13 @@ def derive(case: Case, geometry: Geometry, row_list: bool) -> Physics:
         exact_divergence=bool(exact),
         tension_control=bool(control),
         volume_constraint=bool(held),
+        room=float(room) > 0,
         artificial_viscosity=choices["artificial"] > 0,
         runge_kutta=rk4,
         shift_form=str(shift_form) if float(shifting) > 0 else "",
+        changing=case.has_flow_through,
+        open_axis=open_axis(case),
+        sponge=any(flow.sponge is not None for _, _, _, flow in open_sides(case)),
         row_list=row_list,
     )
     check_periods(case, geometry, support * (1.0 + float(choices["skin"])))

@@ -16,6 +16,7 @@ from warpsph.kernels.delta.delta_fields import ADVANCED
 from warpsph.kernels.delta.delta_load import make_delta_load
 from warpsph.kernels.delta.delta_momentum import make_delta_momentum
 from warpsph.kernels.riemann.volume import make_volume
+from warpsph.schemes.open_stages import buffer_gradient, closed_sides, crossing, fill, open_flow, sponge
 from warpsph.schemes.wall_stages import bodies, moving_sides, signals, walls, walls_ahead
 
 
@@ -24,7 +25,9 @@ def program(spec: Spec) -> Program:
     measures: dict[str, list[Node]] = {}
     if spec.walls:
         measures["wall_load"] = [*signals(spec), *load(spec)]
-    return Program(step=step(spec), start=start(spec), advance=advance(spec), measures=measures)
+    return Program(
+        step=step(spec), start=start(spec), advance=advance(spec), measures=measures, changes=crossing(spec)
+    )
 
 
 def step(spec: Spec) -> list[Node]:
@@ -43,9 +46,12 @@ def leapfrog(spec: Spec) -> list[Node]:
         Stage("continuity", make_delta_continuity(spec), "fluid", "rate of the density, with its diffusion"),
         state(spec, closing=1),
         *bodies(spec, NEXT, closing=1),
+        *open_flow(spec),
         *walls(spec),
         *volume(spec),
+        *buffer_gradient(spec, spec.density_diffusion),
         momentum(spec),
+        *sponge(spec),
         advance(spec),
         KeepList(),
     ]
@@ -84,10 +90,13 @@ def start(spec: Spec) -> list[Node]:
     return [
         *signals(spec),
         *bodies(spec, NEXT, speed=1, closing=1),
+        *fill(spec),
         state(spec, closing=0),
         BuildList("the first list"),
         state(spec, closing=0),
+        *open_flow(spec, beginning=1),
         *walls(spec),
+        *buffer_gradient(spec, spec.density_diffusion),
         momentum(spec),
     ]
 
@@ -159,9 +168,11 @@ def absent(spec: Spec) -> list[Absent]:
     if not spec.shifting:
         rows.append(Absent("shift", "numerics.shifting is 0"))
     if not spec.volume_constraint:
-        rows.append(Absent("volume", "a free surface, or numerics.volume_constraint is false"))
+        reason = "a free surface, inlets and outlets, or numerics.volume_constraint is false"
+        rows.append(Absent("volume", reason))
     if not spec.free_surface:
         rows.append(Absent("free surface", "the fluid fills the domain"))
+    rows += closed_sides(spec)
     if not any(spec.periodic):
         rows.append(Absent("periodic images", "no periodic axis"))
     return rows

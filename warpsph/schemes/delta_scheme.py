@@ -6,8 +6,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from warpsph.errors import Problem
-from warpsph.schemes.base import Scheme
 from warpsph.schemes.delta_numerics import DeltaNumerics
+from warpsph.schemes.flow_through import FlowThrough, held_volume
 
 if TYPE_CHECKING:
     import numpy as np
@@ -23,7 +23,7 @@ RARE_WAY = 0.05  # way of the fastest particle, as share of h, after which the v
 SHIFT_CAP = 0.1  # longest shift of a step, in particle spacings
 
 
-class DeltaScheme(Scheme):
+class DeltaScheme(FlowThrough):
     """Weakly compressible delta-plus-SPH."""
 
     name = "delta_plus"
@@ -31,21 +31,26 @@ class DeltaScheme(Scheme):
     numerics = DeltaNumerics
     usual_ratio = 2.0
     shifts = True
-    # the last of the wall stage, which knows schemes of two time levels
-    work = frozenset({"load", "friction", "velocity_old", "phase"})
+    # velocity_old is of the wall stage, which knows schemes of two time levels, wall_impact of births
+    work = frozenset({"load", "friction", "velocity_old", "phase", "wall_impact"})
 
     def staggered(self, spec: Spec) -> bool:
         """Whether velocities are half a step behind: in the leapfrog, not with Runge-Kutta."""
         return not spec.runge_kutta
 
     def check(self, case: Any) -> Iterator[Problem]:
-        """Yield what the scheme cannot do: several phases, surface tension."""
+        """Yield what the scheme cannot do: several phases, surface tension, inlets and outlets with Runge-Kutta."""
         if len(case.phases) > 1:
             rule = f"takes one phase, the case has {len(case.phases)}"
             yield Problem("numerics.scheme", self.name, rule, "write scheme: riemann, or leave one phase")
         if len(case.surface_tension) > 0:
             rule = "does not act with scheme: delta_plus"
             yield Problem("surface_tension", len(case.surface_tension), rule, "write scheme: riemann, or delete it")
+        if case.has_flow_through and case.numerics.integrator == "rk4":
+            rule = "does not know inlets and outlets"
+            yield Problem("numerics.integrator", "rk4", rule, "write leapfrog, or auto")
+        if case.has_flow_through:
+            yield from held_volume(case)
 
     def derive(self, case: Any, geometry: Geometry, row_list: bool) -> Physics:
         """Return the numbers of a run, see `delta_physics`."""
@@ -83,6 +88,7 @@ class DeltaScheme(Scheme):
         population.put("rest_volume", geometry.volume[: geometry.fluid_count] * (1.0 + excess))
         if physics.spec.free_surface:
             population.put("wholeness", np.ones(geometry.fluid_count))
+        self.fill_zone(population, geometry, physics)
 
     def values(self, params: Any, case: Any, geometry: Geometry, physics: Physics, device: Any) -> dict[str, Any]:
         """Set the numbers of its sweeps."""
@@ -94,8 +100,11 @@ class DeltaScheme(Scheme):
         ratio = physics.h / case.spacing
         params.shifting = float(choices["shifting"])
         params.shift_cap = SHIFT_CAP / ratio
+        if physics.spec.room:
+            params.room = float(choices["room_rate"])
         shape, _ = make_smoothing(physics.spec.kernel, "float64")
         return {
+            **self.open_values(case, geometry, physics, device),
             "density_diffusion": float(choices["density_diffusion"]),
             "artificial_viscosity": float(choices["artificial"]),
             "shift_speed": float(physics.scales["velocity"]),

@@ -13,6 +13,7 @@ from warpsph.kernels.core.spec import Spec
 from warpsph.scene.forcing import forcing_of
 from warpsph.scene.open_faces import open_axis
 from warpsph.scene.physics import VISCOUS_LIMIT, Physics, check_periods, flow_scales, has_room, smoothing_ratio
+from warpsph.schemes.flow_through import room_left
 from warpsph.schemes.isph_numerics import IsphNumerics
 
 if TYPE_CHECKING:
@@ -84,9 +85,7 @@ def _check_open(case: Case, geometry: Geometry, filled: bool, gradient: str) -> 
     if gradient != "corrected":
         rule = "makes a flow through inlets and outlets unstable"
         problems.append(Problem("numerics.pressure_gradient", gradient, rule, "write pressure_gradient: corrected"))
-    if not filled:
-        rule = "leave room in the domain; with inlets or outlets the fluid has to fill it"
-        problems.append(Problem("fluids", MISSING, rule, "add {phase: ..., shape: rest} at the end"))
+    problems += room_left(case, filled)
     for name, body in case.bodies.items():
         if body.motion is not None:
             problems.append(Problem(f"bodies.{name}.motion", MISSING, "does not go with inlets and outlets", "delete it"))

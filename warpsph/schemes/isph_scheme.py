@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from warpsph.errors import Problem
-from warpsph.schemes.base import Scheme
+from warpsph.schemes.flow_through import FlowThrough
 from warpsph.schemes.isph_numerics import IsphNumerics
 from warpsph.solvers.accuracy import attainable
 
@@ -26,7 +26,7 @@ SOLVER, SOLVER_AXIS = 36, 30
 SHIFT_CAP = 0.05  # longest shift of a step as share of h
 
 
-class IsphScheme(Scheme):
+class IsphScheme(FlowThrough):
     """Projection ISPH."""
 
     name = "isph"
@@ -35,7 +35,6 @@ class IsphScheme(Scheme):
     mirrors_sides = True
     skin = 0.001  # the list is made anew in every step
     shifts = True
-    open_sides = True
     free_pressure = True
     # the last one is that of wall impacts, of which births know
     work = frozenset({"load", "friction", "wall_impact"})
@@ -89,22 +88,6 @@ class IsphScheme(Scheme):
 
         return isph_program.absent(spec)
 
-    def room(self, case: Any, geometry: Geometry, physics: Physics) -> int:
-        """Return room for the fluid, and for the buffers of inlets and outlets."""
-        from warpsph.schemes import open_run
-
-        if physics.spec.open_axis < 0:
-            return geometry.fluid_count
-        return open_run.room(open_run.open_run(case, geometry, physics), geometry.fluid_count)
-
-    def flow_rates(self, case: Any, geometry: Geometry, physics: Physics, bindings: Mapping[str, Any]) -> dict[str, float]:
-        """Return the flow, mass and pressure of each inlet and outlet."""
-        from warpsph.schemes import open_run
-
-        if physics.spec.open_axis < 0:
-            return {}
-        return open_run.flow_rates(case, geometry, physics, bindings)
-
     def fill(self, population: Population, case: Any, geometry: Geometry, physics: Physics) -> None:
         """Put the pressures of the start, and the velocities as those of the step before too."""
         import numpy as np
@@ -118,8 +101,7 @@ class IsphScheme(Scheme):
         state[:, 1] = geometry.volume
         state[:fluid, 0] = geometry.pressure[:fluid]
         population.put("state", state)
-        if physics.spec.open_axis >= 0:
-            population.put("zone", np.ones(fluid))
+        self.fill_zone(population, geometry, physics)
 
     def values(self, params: Any, case: Any, geometry: Geometry, physics: Physics, device: Any) -> dict[str, Any]:
         """Set the numbers of its sweeps; return those of the deferred correction and of the rows below a surface."""
@@ -131,13 +113,8 @@ class IsphScheme(Scheme):
         params.feedback = float(choices["volume_feedback"])
         params.filter = float(choices["surface_filter"])
         first_row, second_row = row_shares(physics.spec, physics.h / case.spacing)
-        opened: dict[str, Any] = {}
-        if physics.spec.open_axis >= 0:
-            from warpsph.schemes import open_run
-
-            opened = open_run.arguments(open_run.open_run(case, geometry, physics), case, geometry, physics, device)
         return {
-            **opened,
+            **self.open_values(case, geometry, physics, device),
             "deferred": float(bool(choices["deferred_correction"])),
             "relaxed": int(bool(choices["relaxed_divergence"])),
             "surface_depth": float(choices["surface_offset"]) * case.spacing,

@@ -111,7 +111,7 @@ def arguments(found: OpenRun, case: Case, geometry: Geometry, physics: Physics, 
     row = geometry.lattice.spacing[spec.open_axis]
     rows = _sides(faces, case, geometry, samples, physics)
     return {
-        "open_sides": array(rows, make_open_side(spec.dimension, spec.precision)),
+        "open_sides": array(rows, make_open_side(spec.precision)),
         "signals": array(np.concatenate(samples), wp.float64),
         "signal_step": wp.float64(step),
         "site_side": array(np.repeat(np.arange(len(faces)), [len(face.position) for face in faces]), int),
@@ -151,7 +151,7 @@ def _sides(
     spec, sound = physics.spec, max(physics.sound_speed)
     lattice, rows, site, signal = geometry.lattice, [], 0, 0
     for face, factors in zip(faces, samples, strict=True):
-        row = make_open_side(spec.dimension, spec.precision)()
+        row = make_open_side(spec.precision)()
         low, high = lattice.lower[face.axis], lattice.upper[face.axis]
         row.face = high if face.end else low
         row.outward = float(face.outward)

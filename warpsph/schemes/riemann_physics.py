@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from warpsph.errors import MISSING, CaseError, Problem
 from warpsph.kernels.core.smoothing import KERNELS
 from warpsph.kernels.core.spec import Spec
 from warpsph.scene.fluid_regions import LIGHT
@@ -25,6 +24,7 @@ from warpsph.scene.physics import (
     smoothing_ratio,
     tension_matrix,
 )
+from warpsph.schemes.flow_through import check_filled
 
 if TYPE_CHECKING:
     from warpsph.case.case import Case
@@ -61,9 +61,7 @@ def derive(case: Case, geometry: Geometry, row_list: bool = True) -> Physics:
     names = case.phase_names
     phases = [case.phases[name] for name in names]
     filled = not has_room(case, geometry)
-    if case.has_flow_through and not filled:
-        rule = "leave room in the domain; with inlets or outlets the fluid has to fill it"
-        raise CaseError([Problem("fluids", MISSING, rule, "add {phase: ..., shape: rest} at the end")])
+    check_filled(case, filled)
     tension = tension_matrix(case)
     has_tension = bool((tension > 0).any())
     forcing = forcing_of(case)
@@ -141,7 +139,7 @@ def derive(case: Case, geometry: Geometry, row_list: bool = True) -> Physics:
     support = h * KERNELS[numerics.kernel].support
     scales, seen = flow_scales(case, geometry, tension, filled)
     wanted, warnings = sound_speeds(case, scales, seen, filled)
-    fitted = _fitted_walls(case, geometry)
+    fitted = fitted_walls(case, geometry)
     spec = Spec(
         dimension=case.dimension,
         precision=case.precision,
@@ -286,7 +284,7 @@ def step_limits(case: Case, spec: Spec, h: float, tension: np.ndarray) -> dict[s
     return limits
 
 
-def _fitted_walls(case: Case, geometry: Geometry) -> bool:
+def fitted_walls(case: Case, geometry: Geometry) -> bool:
     """Whether the walls have a surface of their own: where there are bodies, with two exceptions in which walls are cells.
 
     Both are for bodies of whole cells that stay where they are. In several fluids they hold small drops of one fluid off

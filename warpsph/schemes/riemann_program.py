@@ -21,9 +21,8 @@ from warpsph.kernels.riemann.interface import make_curvature, make_fraction, mak
 from warpsph.kernels.riemann.interface_flow import make_interface_flow
 from warpsph.kernels.riemann.load import make_load
 from warpsph.kernels.riemann.momentum import make_momentum
-from warpsph.kernels.riemann.open_flow import make_arrival, make_buffer, make_face, make_side, make_sponge
 from warpsph.kernels.riemann.volume import make_volume
-from warpsph.schemes.open_stages import crossing, fill
+from warpsph.schemes.open_stages import buffer_gradient, closed_sides, crossing, fill, open_flow, sponge
 from warpsph.schemes.wall_stages import bodies, moving_sides, signals, walls, walls_ahead
 
 
@@ -58,6 +57,7 @@ def step(spec: Spec) -> list[Node]:
         *open_flow(spec),
         *walls(spec, across=spec.wall_sound),
         *([Rarely(rare)] if rare else []),
+        *buffer_gradient(spec, spec.bodies and spec.corrected),
         Stage("momentum", make_momentum(spec), "fluid", "acceleration from star pressures"),
         *sponge(spec),
         advance(spec),
@@ -93,28 +93,9 @@ def start(spec: Spec) -> list[Node]:
         *sides(spec),
         *walls(spec, across=spec.wall_sound),
         *tension(spec),
+        *buffer_gradient(spec, spec.bodies and spec.corrected),
         Stage("momentum", make_momentum(spec), "fluid", "first acceleration"),
     ]
-
-
-def open_flow(spec: Spec, beginning: int = 0) -> list[Stage]:
-    """Return the stages that give inlets, outlets and their buffers pressure and velocity."""
-    if spec.open_axis < 0:
-        return []
-    start = {"beginning": beginning}
-    return [
-        Stage("open_arrival", make_arrival(spec), "site_side", "what arrives at inlets and outlets", start),
-        Stage("open_side", make_side(spec), "open_sides", "sound that leaves", start),
-        Stage("open_face", make_face(spec), "site_side", "pressure and velocity of inlets and outlets"),
-        Stage("open_buffer", make_buffer(spec), "fluid", "the flow beyond inlets and outlets"),
-    ]
-
-
-def sponge(spec: Spec) -> list[Stage]:
-    """Return the stage of the damping layers inside of inlets and outlets."""
-    if not spec.sponge:
-        return []
-    return [Stage("sponge", make_sponge(spec), "fluid", "layers that draw the flow to what inlets and outlets give")]
 
 
 def state(spec: Spec) -> Stage:
@@ -200,9 +181,7 @@ def absent(spec: Spec) -> list[Absent]:
         rows.append(Absent("drift", "walls, open sides, or a gradient that conserves momentum pair by pair"))
     if not spec.interface_force:
         rows.append(Absent("interface force", "numerics.interface_force is 0"))
-    if spec.open_axis < 0:
-        names = "open_arrival, open_side, open_face, open_buffer, crossing"
-        rows.append(Absent(names, "no side of the domain is an inlet or an outlet"))
+    rows += closed_sides(spec)
     if not any(spec.periodic):
         rows.append(Absent("periodic images", "no periodic axis"))
     return rows

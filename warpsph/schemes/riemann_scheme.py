@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from warpsph.errors import Problem
-from warpsph.schemes.base import Scheme
+from warpsph.schemes.flow_through import FlowThrough, held_volume
 from warpsph.schemes.riemann_numerics import RiemannNumerics
 
 if TYPE_CHECKING:
@@ -23,15 +23,13 @@ SHIFT_CAP = 0.01  # longest shift of a step as share of h
 RARE_WAY = 0.05  # way of the fastest particle, as share of h, after which the rare stages run again
 
 
-class RiemannScheme(Scheme):
+class RiemannScheme(FlowThrough):
     """Weakly compressible Riemann SPH."""
 
     name = "riemann"
     summary = "weakly compressible Riemann SPH, any number of phases"
     numerics = RiemannNumerics
     printed_ratio = 1.25
-    open_sides = True
-    kept = ("side_memory", "site_ahead", "face_pressure", "face_velocity", "through")
     # the last of the wall stage, which knows schemes of two time levels
     work = frozenset({"load", "friction", "velocity_old"})
 
@@ -45,14 +43,7 @@ class RiemannScheme(Scheme):
         if damping != "auto" and damping > 0 and len(case.phases) > 1:
             rule = "is for one fluid: at an interface the two sides would be compressed by different pressures"
             yield Problem("numerics.acoustic_damping", damping, rule, "write auto or 0")
-        if case.numerics.volume_constraint is True:
-            for axis, sides in zip("xyz", case.sides, strict=False):
-                if "open" in (sides.lower.kind, sides.upper.kind):
-                    rule = f"needs a closed or periodic domain, {axis} is open"
-                    yield Problem("numerics.volume_constraint", True, rule, "write auto or false")
-            if case.has_flow_through:
-                rule = "needs a closed or periodic domain; inlets and outlets give the pressure"
-                yield Problem("numerics.volume_constraint", True, rule, "write auto or false")
+        yield from held_volume(case)
 
     def derive(self, case: Any, geometry: Geometry, row_list: bool) -> Physics:
         """Return the numbers of a run, see `riemann_physics`."""
@@ -82,25 +73,14 @@ class RiemannScheme(Scheme):
 
         return riemann_program.absent(spec)
 
-    def room(self, case: Any, geometry: Geometry, physics: Physics) -> int:
-        """Return room for the fluid, and for the buffers of inlets and outlets."""
-        from warpsph.schemes import open_run
-
-        if physics.spec.open_axis < 0:
-            return geometry.fluid_count
-        return open_run.room(open_run.open_run(case, geometry, physics), geometry.fluid_count)
-
     def fill(self, population: Population, case: Any, geometry: Geometry, physics: Physics) -> None:
         """Put densities, and volumes of the particles at the reference density."""
-        import numpy as np
-
         from warpsph.scene import start_values
 
         excess = start_values.density_excess(case, geometry, physics)
         population.put("density_excess", excess)
         population.put("rest_volume", geometry.volume[: geometry.fluid_count] * (1.0 + excess))
-        if physics.spec.open_axis >= 0:
-            population.put("zone", np.ones(geometry.fluid_count))
+        self.fill_zone(population, geometry, physics)
 
     def values(self, params: Any, case: Any, geometry: Geometry, physics: Physics, device: Any) -> dict[str, Any]:
         """Set the numbers of its sweeps."""
@@ -112,19 +92,7 @@ class RiemannScheme(Scheme):
         params.damping = float(choices["acoustic_damping"])
         params.shift_cap = SHIFT_CAP
         params.zeta = float(choices["interface_force"])
-        if physics.spec.open_axis < 0:
-            return {}
-        from warpsph.schemes import open_run
-
-        return open_run.arguments(open_run.open_run(case, geometry, physics), case, geometry, physics, device)
-
-    def flow_rates(self, case: Any, geometry: Geometry, physics: Physics, bindings: Mapping[str, Any]) -> dict[str, float]:
-        """Return the flow, mass and pressure of each inlet and outlet."""
-        from warpsph.schemes import open_run
-
-        if physics.spec.open_axis < 0:
-            return {}
-        return open_run.flow_rates(case, geometry, physics, bindings)
+        return self.open_values(case, geometry, physics, device)
 
     def set_clock(self, clock: np.ndarray, counters: np.ndarray, physics: Physics) -> None:
         """Set the sound that limits the step, and when the rare stages run."""

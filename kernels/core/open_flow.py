@@ -16,14 +16,16 @@ from typing import Any
 
 import warp as wp
 
-from warpsph.kernels.core.cells import make_grid
-from warpsph.kernels.core.clock import STEP, TIME
-from warpsph.kernels.core.crossing import make_open_side, make_outward
-from warpsph.kernels.core.eos import make_eos
-from warpsph.kernels.core.fields import BUFFER, FLUID
-from warpsph.kernels.core.params import make_params, make_phase
-from warpsph.kernels.core.side_fit import LEAST_WEIGHT, make_fit, make_signal, make_site_at
-from warpsph.kernels.core.spec import Spec, types, types_of
+from .cells import make_grid
+from .clock import STEP, TIME
+from .crossing import make_open_side, make_outward
+from .eos import make_eos
+from .fields import BUFFER, FLUID
+from .params import make_params, make_phase
+from .side_fit import make_between, make_fit, make_signal, make_site_at
+from .spec import Spec, types, types_of
+
+LEAST_PRESSURE = -0.5  # of the stiffness, in buffers: a density for less than -1 times it does not exist
 
 
 @functools.cache
@@ -34,9 +36,10 @@ def make_excess(precision: str) -> Any:
 
     @wp.func
     def excess_of(p: real, stiffness: real, gamma: real):
-        s = p / (stiffness * gamma)
+        held = wp.max(p, real(LEAST_PRESSURE) * stiffness)
+        s = held / (stiffness * gamma)
         for _ in range(3):  # Newton: the start is off by (gamma - 1) s^2/2
-            s -= (eos(s, stiffness, gamma) - p) / (stiffness * gamma * wp.pow(real(1.0) + s, gamma - real(1.0)))
+            s -= (eos(s, stiffness, gamma) - held) / (stiffness * gamma * wp.pow(real(1.0) + s, gamma - real(1.0)))
         return s
 
     return excess_of
@@ -52,7 +55,7 @@ def make_arrival(spec: Spec) -> Any:
     Params = make_params(spec.dimension, spec.precision)
     Phase = make_phase(spec.precision)
     Grid = make_grid(spec.dimension, spec.precision)
-    OpenSide = make_open_side(spec.dimension, spec.precision)
+    OpenSide = make_open_side(spec.precision)
     fit, signal_at = make_fit(spec), make_signal()
     axis = spec.open_axis
 
@@ -119,7 +122,7 @@ def make_side(spec: Spec) -> Any:
     has, with that velocity.
     """
     Phase = make_phase(spec.precision)
-    OpenSide = make_open_side(spec.dimension, spec.precision)
+    OpenSide = make_open_side(spec.precision)
 
     @wp.func
     def flow_given(
@@ -195,7 +198,7 @@ def make_face(spec: Spec) -> Any:
     """Return the kernel over the sites of all open sides that gives them pressure and velocity."""
     real, vec, _, pair = types_of(spec)
     Phase = make_phase(spec.precision)
-    OpenSide = make_open_side(spec.dimension, spec.precision)
+    OpenSide = make_open_side(spec.precision)
     axis = spec.open_axis
 
     @wp.kernel(module="unique", enable_backward=False)
@@ -241,10 +244,10 @@ def make_buffer(spec: Spec) -> Any:
     """
     real, vec, _, pair = types_of(spec)
     Phase = make_phase(spec.precision)
-    OpenSide = make_open_side(spec.dimension, spec.precision)
+    OpenSide = make_open_side(spec.precision)
     beyond = make_outward(spec.dimension, spec.precision)
     excess_of = make_excess(spec.precision)
-    site_at = make_site_at(spec)
+    corners_of, between = make_between(spec)
     axis = spec.open_axis
 
     @wp.kernel(module="unique", enable_backward=False)
@@ -271,21 +274,10 @@ def make_buffer(spec: Spec) -> Any:
             return
         side = open_sides[which]
         x = position[i]
-        total = real(0.0)
-        face = pair()
-        v = vec()
-        stretch = real(0.0)
-        for corner in range(4):
-            k, weight = site_at(x, side, corner)
-            if site_open[k] == wp.uint8(1):
-                total += weight
-                face += weight * face_pressure[k]
-                v += weight * face_velocity[k]
-                stretch += weight * face_stretch[k]
-        if wp.abs(total) > real(LEAST_WEIGHT):
-            face /= total
-            v /= total
-            stretch /= total
+        corners = corners_of(x, side, site_open)
+        face = between(face_pressure, corners)
+        v = between(face_velocity, corners)
+        stretch = between(face_stretch, corners)
         row_speed[i] = v[axis]
         way = wp.min(beyond(x, side, axis), side.reach)  # further out no fluid sees it
         v[axis] = v[axis] + stretch * way
@@ -308,7 +300,7 @@ def make_sponge(spec: Spec) -> Any:
     """
     real, vec, _, _ = types_of(spec)
     Phase = make_phase(spec.precision)
-    OpenSide = make_open_side(spec.dimension, spec.precision)
+    OpenSide = make_open_side(spec.precision)
     beyond = make_outward(spec.dimension, spec.precision)
     excess_of, site_at, signal_at = make_excess(spec.precision), make_site_at(spec), make_signal()
     axis = spec.open_axis
