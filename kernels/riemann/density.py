@@ -105,8 +105,7 @@ def make_continuity(spec: Spec) -> Any:
     laplace_jump = make_jump(spec.precision)
     hardening, damping, damps = make_hardening(spec.precision), make_damping(spec), spec.acoustic_damping
     gravity_of, _ = make_forcing(spec)
-    periodic = any(spec.periodic)
-    jumps = spec.tension == "pressure_jump"
+    periodic, jumps = any(spec.periodic), spec.tension == "pressure_jump"
     spray = spec.free_surface and not spec.multiphase
     sided = spec.multiphase and not spec.paper_star
     linear = spec.bodies and spec.corrected  # exact for a linear velocity and pressure on any arrangement

@@ -54,7 +54,7 @@ def open_flow(spec: Spec, beginning: int = 0) -> list[Stage]:
 
 
 def buffer_gradient(spec: Spec, needed: bool) -> list[Stage]:
-    """Return the stage that finds the pressure gradient beyond inlets and outlets, for terms with those of both of a pair."""
+    """Return the stage of the pressure gradient beyond inlets and outlets, for terms with those of both of a pair."""
     if spec.open_axis < 0 or not needed:
         return []
     return [Stage("buffer_gradient", make_buffer_gradient(spec), "fluid", "pressure gradient beyond inlets and outlets")]

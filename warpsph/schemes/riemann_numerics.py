@@ -71,7 +71,7 @@ class RiemannNumerics(NumericsBase):
     )
     acoustic_damping: Annotated[float | Auto, NumberRule(least=0, most=0.5, auto=True)] = Field(
         default="auto",
-        description="bulk viscosity of one fluid over rho c h: damps sound, leaves a flow without divergence alone. auto: 0.25 "
+        description="bulk viscosity of one fluid over rho c h: damps sound, leaves other flow alone. auto: 0.25 "
         "between inlets and outlets, else 0",
         examples=["0.25"],
     )
