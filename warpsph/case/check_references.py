@@ -55,6 +55,9 @@ def _check_reference(case: Any, folder: Path | None, raw: Any, name: Any, refere
     gauge = case.gauges[reference.gauge]
     kind = gauge.type
     yield from _check_reduce(path, reference)
+    if getattr(reference, "reduce", None) == "strouhal" and kind != "force_coefficients":
+        rule = f"needs the length and speed of a gauge of type force_coefficients, {reference.gauge} is one of type {kind}"
+        yield Problem(f"{path}.reduce", "strouhal", rule, "use frequency, or another gauge")
     yield from _check_moved(path, reference)
     yield from guarded(_check_column(case, path, reference, gauge))
     if isinstance(reference, ReferenceCurves):

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from itertools import combinations
 from typing import Any
 
+from warpsph.case.coefficients import chosen_bodies
 from warpsph.case.domain import AXES
 from warpsph.case.expressions import Expression, compile_expression
 
@@ -187,6 +188,12 @@ def _body_load(body: str, axes: _Names) -> list[Column]:
     ]
 
 
+def _force_coefficients(spec: Any, case: Any, phases: _Names, axes: _Names) -> list[Column]:
+    whole = ("Cd", "Cl", "Cm") if len(axes) == 2 else ("Cd", "Cl", "Cs", "Cm", "Cm_roll", "Cm_yaw")
+    parts = ("Cd_pressure", "Cd_friction", "Cl_pressure", "Cl_friction")
+    return [Column(f"{name} {body}", "1") for body in chosen_bodies(case, spec) for name in (*whole, *parts)]
+
+
 def _elevation(spec: Any, case: Any, phases: _Names, axes: _Names) -> list[Column]:
     return [Column(f"surface_{number}", "m") for number in range(1, len(spec.places) + 1)]
 
@@ -232,6 +239,7 @@ _COLUMNS: dict[str, Callable[[Any, Any, _Names, _Names], list[Column]]] = {
     "phase_velocity": _phase_velocity,
     "strays": _strays,
     "wall_force": _wall_force,
+    "force_coefficients": _force_coefficients,
     "elevation": _elevation,
     "points": _samples,
     "line": _samples,

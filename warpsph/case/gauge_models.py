@@ -20,7 +20,9 @@ from pydantic import (
 from warpsph.case.outputs import Timed
 from warpsph.case.values import (
     ChoiceRule,
+    Name,
     NumberRule,
+    PositiveNumber,
     Vector,
     as_list,
     bad_value,
@@ -105,6 +107,48 @@ class WallForceGauge(GaugeModel):
     )
 
 
+class ForceCoefficientsGauge(GaugeModel):
+    """Drag, lift and moment of bodies over those of a stream."""
+
+    type: Literal["force_coefficients"] = Field(description="drag, lift and moment of bodies, without units")
+    speed: PositiveNumber = Field(description="U of the reference pressure q = density U^2/2, m/s", examples=["1"])
+    length: PositiveNumber = Field(
+        description="length L by which forces (2-D, per metre of depth) and moments are divided, such as the diameter or "
+        "the chord, m: C = F/(q L), Cm = M/(q L^2)",
+        examples=["1"],
+    )
+    area: PositiveNumber | None = Field(
+        default=None,
+        description="area A by which forces are divided (3-D), m^2: C = F/(q A), Cm = M/(q A L)",
+        examples=["0.785"],
+    )
+    density: PositiveNumber | None = Field(
+        default=None, description="density of q, kg/m^3 (default: that of the only phase)", examples=["1000"]
+    )
+    phase: Name | None = Field(
+        default=None, description="phase whose density is that of q (default: the only phase)", examples=["water"]
+    )
+    bodies: Annotated[tuple[Name, ...] | None, BeforeValidator(as_list)] = Field(
+        default=None, description="which bodies (default: all)", examples=["[cylinder]"]
+    )
+    drag: Vector = Field(
+        default=(),
+        description="direction of drag, of any length, that in which the stream goes (default: +x)",
+        examples=["[1, 0]"],
+    )
+    lift: Vector = Field(
+        default=(),
+        description="direction of lift, at right angles to drag (default: in 2-D that of drag turned by 90 degrees from x "
+        "to y)",
+        examples=["[0, 1]"],
+    )
+    pivot: Vector | None = Field(
+        default=None,
+        description="point about which moments are taken, m (default: of each body the centre of its surface)",
+        examples=["[0.25, 0]"],
+    )
+
+
 class ElevationGauge(GaugeModel):
     """Height of the free surface above given places."""
 
@@ -185,12 +229,16 @@ GAUGES: dict[str, type[GaugeModel]] = {
     "phase_velocity": PhaseVelocityGauge,
     "strays": StraysGauge,
     "wall_force": WallForceGauge,
+    "force_coefficients": ForceCoefficientsGauge,
     "elevation": ElevationGauge,
     "points": PointsGauge,
     "line": LineGauge,
     "flow_rate": FlowRateGauge,
     "reattachment": ReattachmentGauge,
 }
+
+LOAD_GAUGES = ("wall_force", "force_coefficients")
+"""Types of gauges that need the force of the fluid on wall particles."""
 
 
 REGISTERED: dict[str, type[GaugeModel]] = {}
@@ -240,6 +288,7 @@ Gauge = Annotated[
     | Annotated[PhaseVelocityGauge, Tag("<phase_velocity>")]
     | Annotated[StraysGauge, Tag("<strays>")]
     | Annotated[WallForceGauge, Tag("<wall_force>")]
+    | Annotated[ForceCoefficientsGauge, Tag("<force_coefficients>")]
     | Annotated[ElevationGauge, Tag("<elevation>")]
     | Annotated[PointsGauge, Tag("<points>")]
     | Annotated[LineGauge, Tag("<line>")]

@@ -11,6 +11,7 @@
 | strays | the name of each phase |
 | interface_length | interface_length |
 | wall_force | force_x ..., and `force_x block` ... for each body |
+| force_coefficients | `Cd block`, `Cl block`, `Cm block`, `Cd_pressure block` ... of each body |
 | elevation | `surface_1`, `surface_2` ... above each place |
 | flow_rate | `flow x_lower`, `through x_lower`, `face_pressure x_lower` ... of each inlet and outlet |
 | reattachment | separation, reattachment |
@@ -46,6 +47,7 @@ from warpsph.measure.gauge import Gauge, Needs
 from warpsph.measure.gauge_files import GaugeFile
 from warpsph.measure.phase_gauges import (
     EnergyGauge,
+    ForceCoefficientsGauge,
     InterfaceLengthGauge,
     MomentumGauge,
     PhasePressureGauge,
@@ -67,6 +69,7 @@ GAUGES: dict[str, type[Gauge]] = {
     "strays": StraysGauge,
     "interface_length": InterfaceLengthGauge,
     "wall_force": WallForceGauge,
+    "force_coefficients": ForceCoefficientsGauge,
     "elevation": ElevationGauge,
     "points": PointsGauge,
     "line": LineGauge,

@@ -36,7 +36,8 @@ _WORTH = 1.3  # how much larger pictures have to become for one more row of them
 _BESIDE = 2.0  # what colour bar and labels take of the width [inch]
 _CURVE_COLUMNS = 3
 _CURVE_HEIGHT = 2.9  # of a panel of curves [inch]
-_NO_VALUES = ("period", "peak_time", "trough_time", "noise")  # reductions whose result is no value of the column
+# reductions whose result is no value of the column
+_NO_VALUES = ("period", "peak_time", "trough_time", "noise", "frequency", "amplitude", "strouhal")
 _LONGEST_LABEL = 34  # letters beside a panel of curves; longer arithmetic of columns takes more lines
 _FEW = 25  # reference points that are drawn one by one
 _MOST_POINTS = 20_000  # particles in one panel against their exact values
