@@ -36,6 +36,30 @@ def chosen_bodies(case: Any, gauge: Any) -> list[str]:
     return list(case.bodies) if gauge.bodies is None else list(gauge.bodies)
 
 
+def chosen_body(case: Any, gauge: Any) -> str:
+    """Return the body of a gauge with the key `body`: the one that it names, or the only one."""
+    return str(next(iter(case.bodies))) if gauge.body is None else str(gauge.body)
+
+
+def check_surface_stress(case: Any, path: str, gauge: Any) -> Problems:
+    """A gauge along a surface has one body, and one density if it makes coefficients."""
+    known = [str(name) for name in case.bodies]
+    if not known:
+        yield Problem(f"{path}.type", gauge.type, "needs a body", "add one, or use a gauge of type points at a wall")
+    elif gauge.body is not None and gauge.body not in known:
+        yield Problem(f"{path}.body", gauge.body, "is not one of the bodies", suggestion(gauge.body, known))
+    elif gauge.body is None and len(known) > 1:
+        rule = f"is missing, and the scene has {len(known)} bodies"
+        yield Problem(f"{path}.body", MISSING, rule, f"write e.g. body: {known[0]}, with a gauge for each")
+    if gauge.speed is not None:
+        yield from check_reference_density(case, path, gauge)
+        return
+    for key in ("density", "phase", "far_pressure"):
+        if key in gauge.model_fields_set:
+            rule = "is for coefficients, and without speed there are none"
+            yield Problem(f"{path}.{key}", getattr(gauge, key), rule, "add speed, or delete it")
+
+
 def check_coefficients(case: Any, path: str, gauge: Any) -> Problems:
     """A gauge of coefficients has bodies, one density, an area in 3-D, and directions at right angles."""
     yield from check_bodies(case, path, gauge)

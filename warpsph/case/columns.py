@@ -194,6 +194,15 @@ def _force_coefficients(spec: Any, case: Any, phases: _Names, axes: _Names) -> l
     return [Column(f"{name} {body}", "1") for body in chosen_bodies(case, spec) for name in (*whole, *parts)]
 
 
+def _surface_stress(spec: Any, case: Any, phases: _Names, axes: _Names) -> list[Column]:
+    places = [Column(axis, "m") for axis in axes] + [Column(f"normal_{axis}", "1") for axis in axes]
+    coefficients = [] if spec.speed is None else [Column("Cp", "1"), Column("Cf", "1")]
+    arc = [Column("arc", "m"), Column("angle", "rad")] if len(axes) == 2 else []
+    size = Column("length", "m") if len(axes) == 2 else Column("area", "m^2")
+    stress = [Column("pressure", "Pa"), Column("shear", "Pa"), *(Column(f"friction_{axis}", "Pa") for axis in axes)]
+    return [*arc, *places, size, *stress, *coefficients]
+
+
 def _elevation(spec: Any, case: Any, phases: _Names, axes: _Names) -> list[Column]:
     return [Column(f"surface_{number}", "m") for number in range(1, len(spec.places) + 1)]
 
@@ -240,6 +249,7 @@ _COLUMNS: dict[str, Callable[[Any, Any, _Names, _Names], list[Column]]] = {
     "strays": _strays,
     "wall_force": _wall_force,
     "force_coefficients": _force_coefficients,
+    "surface_stress": _surface_stress,
     "elevation": _elevation,
     "points": _samples,
     "line": _samples,

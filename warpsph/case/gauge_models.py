@@ -21,6 +21,7 @@ from warpsph.case.outputs import Timed
 from warpsph.case.values import (
     ChoiceRule,
     Name,
+    Number,
     NumberRule,
     PositiveNumber,
     Vector,
@@ -149,6 +150,27 @@ class ForceCoefficientsGauge(GaugeModel):
     )
 
 
+class SurfaceStressGauge(GaugeModel):
+    """Pressure and friction along the surface of a body."""
+
+    type: Literal["surface_stress"] = Field(description="pressure and friction along the surface of a body")
+    body: Name | None = Field(default=None, description="which body (default: the only one)", examples=["cylinder"])
+    speed: PositiveNumber | None = Field(
+        default=None,
+        description="U of the reference pressure q = density U^2/2, m/s: adds the coefficients Cp and Cf",
+        examples=["1"],
+    )
+    density: PositiveNumber | None = Field(
+        default=None, description="density of q, kg/m^3 (default: that of the only phase)", examples=["1000"]
+    )
+    phase: Name | None = Field(
+        default=None, description="phase whose density is that of q (default: the only phase)", examples=["water"]
+    )
+    far_pressure: Number = Field(
+        default=0.0, description="pressure of the stream, Pa: Cp = (p - far_pressure)/q", examples=["0"]
+    )
+
+
 class ElevationGauge(GaugeModel):
     """Height of the free surface above given places."""
 
@@ -230,6 +252,7 @@ GAUGES: dict[str, type[GaugeModel]] = {
     "strays": StraysGauge,
     "wall_force": WallForceGauge,
     "force_coefficients": ForceCoefficientsGauge,
+    "surface_stress": SurfaceStressGauge,
     "elevation": ElevationGauge,
     "points": PointsGauge,
     "line": LineGauge,
@@ -237,7 +260,7 @@ GAUGES: dict[str, type[GaugeModel]] = {
     "reattachment": ReattachmentGauge,
 }
 
-LOAD_GAUGES = ("wall_force", "force_coefficients")
+LOAD_GAUGES = ("wall_force", "force_coefficients", "surface_stress")
 """Types of gauges that need the force of the fluid on wall particles."""
 
 
@@ -289,6 +312,7 @@ Gauge = Annotated[
     | Annotated[StraysGauge, Tag("<strays>")]
     | Annotated[WallForceGauge, Tag("<wall_force>")]
     | Annotated[ForceCoefficientsGauge, Tag("<force_coefficients>")]
+    | Annotated[SurfaceStressGauge, Tag("<surface_stress>")]
     | Annotated[ElevationGauge, Tag("<elevation>")]
     | Annotated[PointsGauge, Tag("<points>")]
     | Annotated[LineGauge, Tag("<line>")]

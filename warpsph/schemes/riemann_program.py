@@ -10,9 +10,7 @@ from warpsph.engine.program import Absent, BuildList, KeepList, Node, Program, R
 from warpsph.kernels.core.clock import make_advance
 from warpsph.kernels.core.poses import MIDDLE, NEXT
 from warpsph.kernels.core.spec import Spec
-from warpsph.kernels.core.surface_load import make_surface_load
 from warpsph.kernels.core.time_signals import depends_on_time
-from warpsph.kernels.core.wall_fit import make_wall_fit
 from warpsph.kernels.riemann.contact import make_contact
 from warpsph.kernels.riemann.density import make_continuity, make_state
 from warpsph.kernels.riemann.drift import make_drift
@@ -24,7 +22,7 @@ from warpsph.kernels.riemann.momentum import make_momentum
 from warpsph.kernels.riemann.open_flow import make_arrival, make_buffer, make_face, make_side, make_sponge
 from warpsph.kernels.riemann.volume import make_volume
 from warpsph.schemes.open_stages import crossing, fill
-from warpsph.schemes.wall_stages import bodies, moving_sides, signals, walls, walls_ahead
+from warpsph.schemes.wall_stages import bodies, moving_sides, signals, surface_load, walls, walls_ahead
 
 
 def program(spec: Spec) -> Program:
@@ -34,6 +32,8 @@ def program(spec: Spec) -> Program:
         measures["interface"] = [*geometry(spec)]
     if spec.walls:
         measures["wall_load"] = [*signals(spec), *wall_load(spec)]
+    if spec.bodies:
+        measures["surface_load"] = [*signals(spec), *surface_load(spec)]
     return Program(
         step=step(spec),
         start=start(spec),
@@ -138,9 +138,7 @@ def geometry(spec: Spec) -> list[Stage]:
 def wall_load(spec: Spec) -> list[Stage]:
     """Return the stages that a wall-force gauge runs: the force on each wall particle."""
     if spec.bodies and spec.corrected:
-        # a build of the list may have moved the rows since the fit
-        fit = Stage("wall_fit", make_wall_fit(spec), "wall", "linear fit of the flow before the walls")
-        return [fit, Stage("wall_load", make_surface_load(spec), "wall", "wall-force gauge, over the surface")]
+        return surface_load(spec)
     return [Stage("wall_load", make_load(spec), "wall", "wall-force gauge")]
 
 
