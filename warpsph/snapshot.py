@@ -36,7 +36,7 @@ class Stations:
 
 
 # Arrays with one row a particle that a scene may lack.
-OPTIONAL_FIELDS = ("normal", "curvature", "acceleration")
+OPTIONAL_FIELDS = ("normal", "curvature", "acceleration", "vorticity", "q_criterion")
 
 
 @dataclass
@@ -80,6 +80,10 @@ class Snapshot:
     """(n,) curvature of the interface [1/m], or None"""
     acceleration: np.ndarray | None = None
     """(n, dimension) [m/s^2], or None"""
+    vorticity: np.ndarray | None = None
+    """(n,) dv/dx - du/dy, in 3-D (n, 3), 0 for walls [1/s]; None where nothing has asked for it"""
+    q_criterion: np.ndarray | None = None
+    """(n,) second invariant of the velocity gradient, 0 for walls [1/s^2]; None where nothing has asked for it"""
     extra: dict[str, float] = field(default_factory=dict)
     """scalars that the device measured at this moment, such as `interface_length` or `wall_force_x block`"""
     own: dict[str, np.ndarray] = field(default_factory=dict)

@@ -36,6 +36,8 @@ FIELD_UNITS = {
     "phase": "1",
     "curvature": "1/m",
     "normal": "1",
+    "vorticity": "1/s",
+    "q_criterion": "1/s^2",
 }
 """Fields that can be sampled, and their units (3-D)."""
 
@@ -211,7 +213,7 @@ def _samples(spec: Any, case: Any, phases: _Names, axes: _Names) -> list[Column]
     result = [Column(axis, "m") for axis in axes]
     for name in spec.fields:
         unit = _unit(axes, "m^3", "m^2") if name == "volume" else FIELD_UNITS[name]
-        if name in VECTOR_FIELDS:
+        if name in VECTOR_FIELDS or (name == "vorticity" and len(axes) == 3):
             result += [Column(f"{name}_{axis}", unit) for axis in axes]
         else:
             result.append(Column(name, unit))

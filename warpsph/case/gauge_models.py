@@ -34,7 +34,9 @@ from warpsph.case.values import (
 )
 from warpsph.errors import MISSING, short
 
-SAMPLED_FIELDS = ("velocity", "density", "pressure", "volume", "phase", "acceleration", "normal", "curvature")
+SAMPLED_FIELDS = (
+    "velocity", "density", "pressure", "volume", "phase", "acceleration", "normal", "curvature", "vorticity", "q_criterion"
+)  # fmt: skip
 """Fields that gauges can interpolate at points and along lines."""
 
 

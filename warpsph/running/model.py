@@ -31,6 +31,7 @@ from warpsph.kernels.core.time_signals import FORCING_SIZE, depends_on_time
 from warpsph.measure.totals import Scene, eos_of_run
 from warpsph.running import memory
 from warpsph.running.device_sums import DeviceSums
+from warpsph.running.flow_fields import FlowFields
 from warpsph.running.state_copy import copy_state
 from warpsph.running.surface_stress import SurfaceStress
 from warpsph.running.wall_loads import WallLoads
@@ -112,6 +113,7 @@ class Model:
         room = self.scheme.room(case, self.geometry, self.physics)
         self._loads: WallLoads | None = None
         self._stress: SurfaceStress | None = None
+        self._flow: FlowFields | None = None
         self._sums: DeviceSums | None = None
         self._grown = 0
         self.particles = Population(self.physics.spec, self.scheme.fields(), *counts, self.device, room)
@@ -429,6 +431,13 @@ class Model:
         """Return the length (3-D: area) of all interfaces: the volume integral of |grad C| [m^(d-1)]."""
         self.stepper.measure("interface")
         return self.sums.interface_length()
+
+    def flow_fields(self) -> dict[str, Any]:
+        """Return vorticity and Q of the fluid particles, see `FlowFields.measure`."""
+        if self._flow is None or self._flow.particles is not self.particles:
+            staggered = self.scheme.staggered(self.physics.spec)
+            self._flow = FlowFields(self.particles, self.launcher, self.stepper, staggered)
+        return self._flow.measure()
 
     def wall_load(self) -> Any:
         """Return the force of the fluid on each wall particle, a Warp array of (walls,) vectors [N]."""
