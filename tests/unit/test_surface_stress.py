@@ -15,6 +15,7 @@ from warpsph.scene.airfoils import airfoil, naca_4
 from warpsph.scene.arc import arc_lengths, tangents
 from warpsph.scene.body_sampling import sample
 from warpsph.scene.surfaces import Ball, Hollow, box_surface
+from warpsph.study.comparison import compare
 
 WIDE = ([-9.0, -9.0], [9.0, 9.0])
 
@@ -154,7 +155,7 @@ def test_a_sphere_in_three_dimensions():
     assert np.abs(level - level.mean()).max() < 0.03
 
 
-def case_of(gauge, names=("a", "b"), **changes):
+def case_of(gauge, names=("a", "b"), folder=None, **changes):
     places = {name: circle([1.0 + k, 0.5], 0.3) for k, name in enumerate(names)}
     base = {
         "dimension": 2, "particle_spacing": 0.1, "end_time": 1.0,
@@ -162,7 +163,7 @@ def case_of(gauge, names=("a", "b"), **changes):
         "phases": {"w": {"density": 1.0, "viscosity": 1.0}}, "fluids": [{"phase": "w", "shape": "rest"}], "bodies": places,
         "gauges": {"s": {"type": "surface_stress", "interval": 0.1, **gauge}},
     }  # fmt: skip
-    return Case.from_dict(base | changes)
+    return Case.from_dict(base | changes, folder)
 
 
 @pytest.mark.parametrize(
@@ -186,3 +187,25 @@ def test_bodies_of_whole_cells_in_several_fluids_have_no_surface():
     block = {"bodies": {"a": {"shape": {"box": {"lower": [1, 0.3], "upper": [1.5, 0.8]}}}}}
     with pytest.raises(CaseError, match=r"gauges\.s\.type.*no cells"):
         Model(case_of({}, ("a",), phases=two, fluids=fluids, **block), threads=1)
+
+
+def test_a_profile_along_the_surface_against_one_in_angles(tmp_path):
+    """Shear 2 sin(angle) at 0.5 s, against the same over the angle/pi but for a tenth more."""
+    angle = np.linspace(0, 2 * math.pi, 41)
+    table = np.stack([angle / math.pi, np.sin(angle) / 1.1], axis=1)
+    np.savetxt(tmp_path / "known.csv", table, delimiter=",", header="theta_over_pi,s", comments="")
+    curves = {"file": "known.csv", "position": "theta_over_pi", "position_scale": "pi*0.3", "columns": {0.5: "s"}}
+    curves["scale"] = 2
+    reference = {"gauge": "s", "column": "2*shear", "curves": curves, "norm": "rms"}
+    case = case_of({}, ("a",), tmp_path, reference={"r": reference})
+    (tmp_path / "gauges").mkdir()
+    rows = np.stack([np.full(41, 0.5), 0.3 * angle, np.sin(angle)], axis=1)
+    np.savetxt(tmp_path / "gauges" / "s.csv", rows, delimiter=",", header="time [s],arc [m],shear [Pa]", comments="")
+    (result,) = compare(case, tmp_path, end_time=1.0)
+    assert result["error"] == pytest.approx(0.1 * np.sqrt(np.mean(np.sin(angle) ** 2)), rel=1e-3)
+
+
+def test_a_surface_has_no_one_number_a_time():
+    reference = {"r": {"gauge": "s", "column": "shear", "value": 1}}
+    with pytest.raises(CaseError, match=r"reference\.r\.gauge.*has profiles.*use curves"):
+        case_of({}, ("a",), reference=reference)

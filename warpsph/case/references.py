@@ -180,7 +180,10 @@ class Curves(CaseModel):
 
     file: StrictStr = Field(description="CSV file, relative to the case file", examples=["reference/x.csv"])
     position: StrictStr = Field(
-        description="name of its position column (distance from the line's `from`, m)", examples=["y_m"]
+        description="name of its position column: distance from the line's `from`, of a surface the arc, m", examples=["y_m"]
+    )
+    position_scale: PositiveNumber = Field(
+        default=1.0, description="factor that turns its positions into m", examples=["pi*0.5"]
     )
     columns: Annotated[Mapping[float, str], FreezeMapping(), BeforeValidator(_as_columns)] = Field(
         description="time in s -> name of the column", examples=['{0.1: "u_t=0.1"}']
@@ -189,11 +192,12 @@ class Curves(CaseModel):
 
 
 class ReferenceCurves(_Reference):
-    """A line gauge's field against profiles at given times."""
+    """A field along a line, or along the surface of a plane body, against profiles at given times."""
 
-    gauge: Name = Field(description="name of a line gauge", examples=["profile"])
+    gauge: Name = Field(description="name of a gauge of type line, or in 2-D surface_stress", examples=["profile"])
     column: StrictStr = Field(
-        description="field of the gauge, with _x, _y, _z for a vector", examples=["velocity_x"]
+        description="column of the gauge, such as a field with _x, _y, _z for a vector, or arithmetic of columns",
+        examples=["velocity_x"],
     )
     curves: Curves = Field(
         description="the reference profiles",
