@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -49,16 +49,16 @@ class SurfaceStress:
     def measure(self, body: str) -> Stations:
         """Return the stations of a body now."""
         self.loads.measure("surface_load")
-        order, fluids = self._order(body), self.particles.fluid_count
+        order = self._order(body)
         row = np.empty(self.particles.wall_count, dtype=np.intp)
-        row[self.particles.get("particle_id")[fluids:] - self.geometry.fluid_count] = np.arange(len(row))
+        row[self._of_walls("particle_id") - self.geometry.fluid_count] = np.arange(len(row))
         rows = row[order.number]
 
         def get(name: str) -> NDArray[np.float64]:
-            return np.asarray(self.particles.get(name)[rows], np.float64)
+            return np.asarray(self._of_walls(name)[rows], np.float64)
 
         normal, area = get("wall_normal"), get("wall_area")
-        foot = np.asarray(self.particles.get("position")[fluids:][rows], np.float64) + normal * get("wall_depth")[:, None]
+        foot = get("position") + normal * get("wall_depth")[:, None]
         friction = np.asarray(self.stepper.bindings["friction"].numpy()[rows], np.float64) / area[:, None]
         centre = self.loads.centre(body)
         along = angle = None
@@ -66,6 +66,13 @@ class SurfaceStress:
             along = np.einsum("ij,ij->i", friction, tangents(normal, order.hollow))
             angle = np.arctan2(foot[:, 1] - centre[1], foot[:, 0] - centre[0]) % (2.0 * np.pi)
         return Stations(foot, normal, area, get("surface_pressure"), friction, order.arc, angle, along)
+
+    def _of_walls(self, name: str) -> NDArray[Any]:
+        """Return the rows of a field that are those of walls, in their present order; of the fluid nothing is copied."""
+        array: Any = self.particles.arrays[name]
+        if self.particles.fields[name].rows == "all":
+            array = array[self.particles.fluid_capacity :]
+        return np.asarray(array.numpy())
 
     def _order(self, body: str) -> _Order:
         """Return the stations of a body, found at the first call."""
