@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from warpsph import Simulation
 from warpsph.case.case import Case
 from warpsph.errors import CaseError
 from warpsph.measure.gauges import GaugeSet
@@ -131,3 +132,29 @@ def test_what_a_case_may_not_say(gauge, changes, key, rule):
 def test_three_dimensions_need_an_area_and_a_lift(gauge, key):
     with pytest.raises(CaseError, match=rf"gauges\.c\.{key}.*is missing"):
         case_of(gauge, 3)
+
+
+@pytest.mark.parametrize("scheme", ["riemann", "isph", "delta_plus"])
+def test_every_scheme_has_the_coefficients_of_its_loads(scheme):
+    """A stream past a cylinder in a periodic box: coefficients are the forces of wall_force over q L, the parts add up."""
+    keys = {"density": 3.0, "speed": 0.1, "length": 0.6}
+    case = case_of(
+        keys,
+        end_time=0.02,
+        domain={"lower": [0, 0], "upper": [1, 1], "boundary": {"x": "periodic", "y": "periodic"}},
+        phases={"water": {"density": 1.0, "viscosity": 0.1}},
+        body_force=[1.0, 0.3],
+        start={"velocity": [0.1, 0]},
+        numerics={"scheme": scheme},
+        gauges={"c": {**STREAM, **keys}, "f": {"type": "wall_force", "interval": 0.1}},
+        output={"particles": "none", "checkpoint": "none"},
+    )
+    case = case.replace({"gauges.c.interval": 0.01, "gauges.f.interval": 0.01})
+    run = Simulation(case, device="cpu", threads=1).run()
+    c, f = run.gauge("c"), run.gauge("f")
+    scale = 0.5 * 3.0 * 0.1**2 * 0.6
+    assert len(c["time"]) == 3 and (c["Cd_friction fin"][1:] > 0).all()
+    assert c["Cd fin"] == pytest.approx(f["force_x fin"] / scale, rel=1e-12)
+    assert c["Cl_pressure fin"] == pytest.approx(f["pressure_y fin"] / scale, rel=1e-12)
+    assert c["Cd_pressure fin"] + c["Cd_friction fin"] == pytest.approx(c["Cd fin"], rel=1e-9)
+    assert c["Cm fin"] == pytest.approx(-f["torque_z fin"] / (scale * 0.6), rel=1e-12)
