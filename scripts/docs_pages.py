@@ -529,6 +529,11 @@ def columns(kind: str) -> str:
             keys |= {**ends, "count": 11, "fields": ["pressure", "velocity"]}
         elif kind == "reattachment":
             keys |= {"from": [0.1] * dimension, "to": [0.9, *[0.1] * (dimension - 1)], "count": 11}
+        elif kind == "force_coefficients":
+            keys |= {"speed": 1, "length": 1, "phase": "liquid"}
+            keys |= {"area": 1, "lift": [0, 0, 1]} if dimension == 3 else {}
+        elif kind == "surface_stress":
+            keys |= {"speed": 1, "phase": "liquid"}
         elif kind == "contour":
             keys |= {"mirror": "x"}
             if dimension == 3:

@@ -54,7 +54,7 @@ ORDER = (
     "rising_bubble_3d hysing_1 hysing_2 double_bubble layered_couette layered_poiseuille layered_tank drop_impact "
     "dam_break_air elliptic_drop rotating_square rotating_square_inviscid oscillating_drop_central taylor_green "
     "taylor_green_lattice poiseuille couette hydrostatic_tank standing_wave dam_break dam_break_3d "
-    "dam_break_lobovsky open_channel backward_step"
+    "dam_break_block dam_break_lobovsky open_channel backward_step"
 ).split()
 MARKS = re.compile(r"(<!-- table: ([a-z0-9_]+) -->\n)(.*?)(<!-- end table -->)", re.DOTALL)
 

@@ -46,7 +46,7 @@ from warpsph.measure.totals import eos_of_run
 from warpsph.running.divergence import runaway_particle
 from warpsph.running.recorder import Recorder
 from warpsph.running.restarts import SAME_CASE, check_fit, check_unfinished, find_checkpoint, is_inside, reached, scene_of
-from warpsph.running.state_copy import StateCopy, copy_state
+from warpsph.running.state_copy import EVERYTHING, SOURCES, StateCopy, copy_state
 from warpsph.running.summary import leak_warning, machine, solver_warnings, versions
 from warpsph.scene.physics import Physics
 from warpsph.snapshot import Snapshot
@@ -390,7 +390,7 @@ class Simulation:
         self._last_frame = self.model.time
         if self.folder is not None:
             begin = time.perf_counter()
-            state = copy_state(self.model)
+            state = copy_state(self.model, EVERYTHING | (SOURCES.keys() & {*self.folder.fields}))
             self._copy_seconds += time.perf_counter() - begin
             self._put(writer, "particles", state)
 

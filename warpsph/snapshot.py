@@ -10,8 +10,33 @@ import numpy as np
 FLUID = 0
 WALL = 1
 
+
+@dataclass(frozen=True)
+class Stations:
+    """Stress of the fluid at the stations of the surface of a body, n in d dimensions.
+
+    Attributes:
+        position: (n, d), of the surface [m].
+        normal: (n, d), unit normal into the fluid [1].
+        area: (n,), of the surface that a station stands for [m^(d-1)].
+        pressure: (n,), of the fluid there, 0 where it is dry [Pa].
+        friction: (n, d), viscous stress on the surface [Pa]; area (friction - pressure normal) is the force.
+        arc, angle: (n,), way along the outline [m], and direction from the centre of the surface [rad]; None in 3-D.
+        along: (n,), the friction in the sense of the outline [Pa]; None in 3-D.
+    """
+
+    position: np.ndarray
+    normal: np.ndarray
+    area: np.ndarray
+    pressure: np.ndarray
+    friction: np.ndarray
+    arc: np.ndarray | None
+    angle: np.ndarray | None
+    along: np.ndarray | None
+
+
 # Arrays with one row a particle that a scene may lack.
-OPTIONAL_FIELDS = ("normal", "curvature", "acceleration")
+OPTIONAL_FIELDS = ("normal", "curvature", "acceleration", "vorticity", "q_criterion")
 
 
 @dataclass
@@ -55,12 +80,18 @@ class Snapshot:
     """(n,) curvature of the interface [1/m], or None"""
     acceleration: np.ndarray | None = None
     """(n, dimension) [m/s^2], or None"""
+    vorticity: np.ndarray | None = None
+    """(n,) dv/dx - du/dy, in 3-D (n, 3), 0 for walls [1/s]; None where nothing has asked for it"""
+    q_criterion: np.ndarray | None = None
+    """(n,) second invariant of the velocity gradient, 0 for walls [1/s^2]; None where nothing has asked for it"""
     extra: dict[str, float] = field(default_factory=dict)
     """scalars that the device measured at this moment, such as `interface_length` or `wall_force_x block`"""
     own: dict[str, np.ndarray] = field(default_factory=dict)
     """fields of the scheme's own, (n,)"""
     samples: dict[str, dict[str, np.ndarray]] = field(default_factory=dict)
     """gauge name -> field -> values at the gauge's points, (points,) or (points, dimension)"""
+    surfaces: dict[str, Stations] = field(default_factory=dict)
+    """body -> what the fluid does along its surface"""
     sums: dict[type, Any] = field(default_factory=dict)
     """sums over the phases that the device formed at this moment, by their class in `warpsph.measure.totals`"""
 
@@ -79,7 +110,7 @@ class Snapshot:
         return self.select(self.kind == WALL)
 
     def select(self, rows: np.ndarray) -> Snapshot:
-        """The particles at `rows`, a mask (n,) or indices; scalars, `extra`, `samples` and `sums` stay."""
+        """The particles at `rows`, a mask (n,) or indices; scalars, `extra`, `samples`, `surfaces` and `sums` stay."""
         values: dict[str, Any] = {item.name: getattr(self, item.name) for item in fields(self)}
         for name, value in values.items():
             if isinstance(value, np.ndarray):

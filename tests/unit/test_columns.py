@@ -22,6 +22,8 @@ BLOCK = {
 }
 FIELDS = ["velocity", "pressure", "volume"]
 WHERE = {
+    "force_coefficients": {"speed": 1, "length": 0.4, "area": 0.1, "lift": [0, 0, 1], "phase": "water"},
+    "surface_stress": {"speed": 1, "density": 1},
     "elevation": {"places": [[0.1, 0.1], [0.5, 0.1]]},
     "points": {"points": [[0.1] * 3], "fields": FIELDS},
     "line": {"from": [0.1] * 3, "to": [0.9] * 3, "count": 3, "fields": FIELDS},
@@ -44,6 +46,17 @@ EXPECTED = {
         "|".join(f"force_{axis}{body}" for body in ("", " domain", " ball") for axis in "xyz")
         + "".join(f"|{part}_{axis} ball" for part in ("pressure", "friction", "torque") for axis in "xyz"),
         {"N", "N m"},
+    ),
+    "force_coefficients": (
+        "|".join(
+            f"{name} ball"
+            for name in "Cd Cl Cs Cm Cm_roll Cm_yaw Cd_pressure Cd_friction Cl_pressure Cl_friction".split()
+        ),
+        {"1"},
+    ),
+    "surface_stress": (
+        "x|y|z|normal_x|normal_y|normal_z|area|pressure|shear|friction_x|friction_y|friction_z|Cp|Cf",
+        {"m", "m^2", "1", "Pa"},
     ),
     "elevation": ("surface_1|surface_2", {"m"}),
     "points": (SAMPLED.replace(" ", "|"), {"m", "m/s", "Pa", "m^3"}),
@@ -88,7 +101,8 @@ def test_each_type_of_gauge_has_a_model_columns_and_a_measurement():
     written["points"] |= {"points": [[0.1] * 2]}
     for kind in ("line", "reattachment"):
         written[kind] |= {"from": [0.1] * 2, "to": [0.9] * 2}
-    del written["flow_rate"]  # of scenes with inlets
+    for kind in ("flow_rate", "force_coefficients", "surface_stress"):  # of scenes with inlets, and with bodies
+        del written[kind]
     case = case_of(FULL, gauges=written, reference={})
     for kind, spec in case.gauges.items():
         made = gauges.GAUGES[kind](kind, spec, case)

@@ -73,6 +73,8 @@ def test_vtp_is_read_back_by_pyvista(tmp_path, dimension, precision, real, compr
         normal=np.random.default_rng(1).normal(size=(n, dimension)),
         curvature=np.arange(n) * 0.1,
         acceleration=np.ones((n, dimension)),
+        vorticity=np.arange(float(n)) if dimension == 2 else np.arange(3.0 * n).reshape(n, 3),
+        q_criterion=-np.arange(float(n)),
     )
     path = tmp_path / "fluid_000000.vtp"
     size = write_vtp(path, particles, PARTICLE_FIELDS, precision, compress)

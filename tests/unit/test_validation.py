@@ -16,7 +16,7 @@ from warpsph.case.case_file import dump_yaml
 from warpsph.cli import validate_command
 from warpsph.errors import CaseError
 from warpsph.simulation import Simulation
-from warpsph.study import figures, validation
+from warpsph.study import curl, figures, validation
 from warpsph.study.comparison import compared
 
 PNG = b"\x89PNG\r\n\x1a\n"
@@ -466,13 +466,13 @@ def test_vorticity_of_a_rigid_rotation_and_of_a_shear():
     rng = np.random.default_rng(1)
     x = rng.uniform(0, 1, (300, 2))
     rotation = 3.0 * np.stack([-x[:, 1], x[:, 0]], axis=1)
-    assert figures.vorticity(x, rotation, 1.0) == pytest.approx(np.full(300, 6.0), abs=1e-9)
+    assert curl.vorticity(x, rotation, 1.0) == pytest.approx(np.full(300, 6.0), abs=1e-9)
     shear = np.stack([2.0 * x[:, 1], np.zeros(300)], axis=1)
-    assert figures.vorticity(x, shear, 1.0) == pytest.approx(np.full(300, -2.0), abs=1e-9)
+    assert curl.vorticity(x, shear, 1.0) == pytest.approx(np.full(300, -2.0), abs=1e-9)
     # two blobs far apart do not see each other; a particle alone has no value
     apart = np.concatenate([x, x + 10.0, [[30.0, 30.0]]])
     still = np.concatenate([rotation, np.zeros((301, 2))])
-    found = figures.vorticity(apart, still, 1.0)
+    found = curl.vorticity(apart, still, 1.0)
     assert found[:300] == pytest.approx(np.full(300, 6.0), abs=1e-9) and not found[300:600].any()
     assert np.isnan(found[600])
 

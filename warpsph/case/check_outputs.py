@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from warpsph.case.checking import check_length, check_often, each, extent_of
+from warpsph.case.coefficients import check_coefficients, check_surface_stress
 from warpsph.case.domain import AXES
 from warpsph.case.drafts import Problems, guarded
 from warpsph.case.sensors import NoPlane, face_radius, wall_normal
@@ -55,6 +56,10 @@ def _check_gauge(case: Any, name: Any, gauge: Any) -> Problems:
                 yield Problem(
                     f"{path}.pivot", list(gauge.pivot), "needs bodies: torque is that on bodies", "delete it"
                 )
+    elif gauge.type == "force_coefficients":
+        yield from guarded(check_coefficients(case, path, gauge))
+    elif gauge.type == "surface_stress":
+        yield from guarded(check_surface_stress(case, path, gauge))
     elif gauge.type == "contour":
         if case.dimension != 2:
             yield Problem(f"{path}.type", gauge.type, "needs dimension: 2", "use extents")

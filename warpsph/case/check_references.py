@@ -55,13 +55,15 @@ def _check_reference(case: Any, folder: Path | None, raw: Any, name: Any, refere
     gauge = case.gauges[reference.gauge]
     kind = gauge.type
     yield from _check_reduce(path, reference)
+    if getattr(reference, "reduce", None) == "strouhal" and kind != "force_coefficients":
+        rule = f"needs the length and speed of a gauge of type force_coefficients, {reference.gauge} is one of type {kind}"
+        yield Problem(f"{path}.reduce", "strouhal", rule, "use frequency, or another gauge")
     yield from _check_moved(path, reference)
     yield from guarded(_check_column(case, path, reference, gauge))
     if isinstance(reference, ReferenceCurves):
-        if kind != "line":
-            yield Problem(
-                f"{path}.gauge", reference.gauge, f"needs a gauge of type line, this is {kind}", "use curve"
-            )
+        if kind != "line" and not (kind == "surface_stress" and case.dimension == 2):
+            told = f"needs a gauge of type line, or surface_stress in 2-D, this is {kind}"
+            yield Problem(f"{path}.gauge", reference.gauge, told, "use curve")
             return
         if gauge.times is not None:
             for time in reference.curves.columns:
@@ -77,13 +79,10 @@ def _check_reference(case: Any, folder: Path | None, raw: Any, name: Any, refere
             yield Problem(
                 f"{path}.gauge", reference.gauge, f"needs a gauge of type line, this is {kind}", "use another reduce"
             )
-    elif kind == "line":
-        yield Problem(
-            f"{path}.gauge",
-            reference.gauge,
-            "is a gauge of type line and has profiles, not one number a time",
-            "use curves, reduce: slope, or a gauge of type points",
-        )
+    elif kind in ("line", "surface_stress"):
+        remedy = "use curves, reduce: slope, or a gauge of type points" if kind == "line" else "use curves"
+        rule = f"is a gauge of type {kind} and has profiles, not one number a time"
+        yield Problem(f"{path}.gauge", reference.gauge, rule, remedy)
 
 
 def _check_reduce(path: str, reference: Any) -> Problems:

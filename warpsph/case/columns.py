@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from itertools import combinations
 from typing import Any
 
+from warpsph.case.coefficients import chosen_bodies
 from warpsph.case.domain import AXES
 from warpsph.case.expressions import Expression, compile_expression
 
@@ -35,6 +36,8 @@ FIELD_UNITS = {
     "phase": "1",
     "curvature": "1/m",
     "normal": "1",
+    "vorticity": "1/s",
+    "q_criterion": "1/s^2",
 }
 """Fields that can be sampled, and their units (3-D)."""
 
@@ -187,6 +190,21 @@ def _body_load(body: str, axes: _Names) -> list[Column]:
     ]
 
 
+def _force_coefficients(spec: Any, case: Any, phases: _Names, axes: _Names) -> list[Column]:
+    whole = ("Cd", "Cl", "Cm") if len(axes) == 2 else ("Cd", "Cl", "Cs", "Cm", "Cm_roll", "Cm_yaw")
+    parts = ("Cd_pressure", "Cd_friction", "Cl_pressure", "Cl_friction")
+    return [Column(f"{name} {body}", "1") for body in chosen_bodies(case, spec) for name in (*whole, *parts)]
+
+
+def _surface_stress(spec: Any, case: Any, phases: _Names, axes: _Names) -> list[Column]:
+    places = [Column(axis, "m") for axis in axes] + [Column(f"normal_{axis}", "1") for axis in axes]
+    coefficients = [] if spec.speed is None else [Column("Cp", "1"), Column("Cf", "1")]
+    arc = [Column("arc", "m"), Column("angle", "rad")] if len(axes) == 2 else []
+    size = Column("length", "m") if len(axes) == 2 else Column("area", "m^2")
+    stress = [Column("pressure", "Pa"), Column("shear", "Pa"), *(Column(f"friction_{axis}", "Pa") for axis in axes)]
+    return [*arc, *places, size, *stress, *coefficients]
+
+
 def _elevation(spec: Any, case: Any, phases: _Names, axes: _Names) -> list[Column]:
     return [Column(f"surface_{number}", "m") for number in range(1, len(spec.places) + 1)]
 
@@ -195,7 +213,7 @@ def _samples(spec: Any, case: Any, phases: _Names, axes: _Names) -> list[Column]
     result = [Column(axis, "m") for axis in axes]
     for name in spec.fields:
         unit = _unit(axes, "m^3", "m^2") if name == "volume" else FIELD_UNITS[name]
-        if name in VECTOR_FIELDS:
+        if name in VECTOR_FIELDS or (name == "vorticity" and len(axes) == 3):
             result += [Column(f"{name}_{axis}", unit) for axis in axes]
         else:
             result.append(Column(name, unit))
@@ -232,6 +250,8 @@ _COLUMNS: dict[str, Callable[[Any, Any, _Names, _Names], list[Column]]] = {
     "phase_velocity": _phase_velocity,
     "strays": _strays,
     "wall_force": _wall_force,
+    "force_coefficients": _force_coefficients,
+    "surface_stress": _surface_stress,
     "elevation": _elevation,
     "points": _samples,
     "line": _samples,

@@ -20,7 +20,10 @@ from pydantic import (
 from warpsph.case.outputs import Timed
 from warpsph.case.values import (
     ChoiceRule,
+    Name,
+    Number,
     NumberRule,
+    PositiveNumber,
     Vector,
     as_list,
     bad_value,
@@ -31,7 +34,9 @@ from warpsph.case.values import (
 )
 from warpsph.errors import MISSING, short
 
-SAMPLED_FIELDS = ("velocity", "density", "pressure", "volume", "phase", "acceleration", "normal", "curvature")
+SAMPLED_FIELDS = (
+    "velocity", "density", "pressure", "volume", "phase", "acceleration", "normal", "curvature", "vorticity", "q_criterion"
+)  # fmt: skip
 """Fields that gauges can interpolate at points and along lines."""
 
 
@@ -102,6 +107,69 @@ class WallForceGauge(GaugeModel):
         default=None,
         description="point about which the torques on bodies are taken, m (default: of each the centre of its surface)",
         examples=["[0, 0]"],
+    )
+
+
+class ForceCoefficientsGauge(GaugeModel):
+    """Drag, lift and moment of bodies over those of a stream."""
+
+    type: Literal["force_coefficients"] = Field(description="drag, lift and moment of bodies, without units")
+    speed: PositiveNumber = Field(description="U of the reference pressure q = density U^2/2, m/s", examples=["1"])
+    length: PositiveNumber = Field(
+        description="length L by which forces (2-D, per metre of depth) and moments are divided, such as the diameter or "
+        "the chord, m: C = F/(q L), Cm = M/(q L^2)",
+        examples=["1"],
+    )
+    area: PositiveNumber | None = Field(
+        default=None,
+        description="area A by which forces are divided (3-D), m^2: C = F/(q A), Cm = M/(q A L)",
+        examples=["0.785"],
+    )
+    density: PositiveNumber | None = Field(
+        default=None, description="density of q, kg/m^3 (default: that of the only phase)", examples=["1000"]
+    )
+    phase: Name | None = Field(
+        default=None, description="phase whose density is that of q (default: the only phase)", examples=["water"]
+    )
+    bodies: Annotated[tuple[Name, ...] | None, BeforeValidator(as_list)] = Field(
+        default=None, description="which bodies (default: all)", examples=["[cylinder]"]
+    )
+    drag: Vector = Field(
+        default=(),
+        description="direction of drag, of any length, that in which the stream goes (default: +x)",
+        examples=["[1, 0]"],
+    )
+    lift: Vector = Field(
+        default=(),
+        description="direction of lift, at right angles to drag (default: in 2-D that of drag turned by 90 degrees from x "
+        "to y)",
+        examples=["[0, 1]"],
+    )
+    pivot: Vector | None = Field(
+        default=None,
+        description="point about which moments are taken, m (default: of each body the centre of its surface)",
+        examples=["[0.25, 0]"],
+    )
+
+
+class SurfaceStressGauge(GaugeModel):
+    """Pressure and friction along the surface of a body."""
+
+    type: Literal["surface_stress"] = Field(description="pressure and friction along the surface of a body")
+    body: Name | None = Field(default=None, description="which body (default: the only one)", examples=["cylinder"])
+    speed: PositiveNumber | None = Field(
+        default=None,
+        description="U of the reference pressure q = density U^2/2, m/s: adds the coefficients Cp and Cf",
+        examples=["1"],
+    )
+    density: PositiveNumber | None = Field(
+        default=None, description="density of q, kg/m^3 (default: that of the only phase)", examples=["1000"]
+    )
+    phase: Name | None = Field(
+        default=None, description="phase whose density is that of q (default: the only phase)", examples=["water"]
+    )
+    far_pressure: Number = Field(
+        default=0.0, description="pressure of the stream, Pa: Cp = (p - far_pressure)/q", examples=["0"]
     )
 
 
@@ -185,12 +253,17 @@ GAUGES: dict[str, type[GaugeModel]] = {
     "phase_velocity": PhaseVelocityGauge,
     "strays": StraysGauge,
     "wall_force": WallForceGauge,
+    "force_coefficients": ForceCoefficientsGauge,
+    "surface_stress": SurfaceStressGauge,
     "elevation": ElevationGauge,
     "points": PointsGauge,
     "line": LineGauge,
     "flow_rate": FlowRateGauge,
     "reattachment": ReattachmentGauge,
 }
+
+LOAD_GAUGES = ("wall_force", "force_coefficients", "surface_stress")
+"""Types of gauges that need the force of the fluid on wall particles."""
 
 
 REGISTERED: dict[str, type[GaugeModel]] = {}
@@ -240,6 +313,8 @@ Gauge = Annotated[
     | Annotated[PhaseVelocityGauge, Tag("<phase_velocity>")]
     | Annotated[StraysGauge, Tag("<strays>")]
     | Annotated[WallForceGauge, Tag("<wall_force>")]
+    | Annotated[ForceCoefficientsGauge, Tag("<force_coefficients>")]
+    | Annotated[SurfaceStressGauge, Tag("<surface_stress>")]
     | Annotated[ElevationGauge, Tag("<elevation>")]
     | Annotated[PointsGauge, Tag("<points>")]
     | Annotated[LineGauge, Tag("<line>")]

@@ -21,7 +21,7 @@ from warpsph.case.values import (
 
 PARTICLE_FIELDS = (
     "velocity", "density", "pressure", "mass", "volume", "phase", "particle_spacing", "particle_id",
-    "acceleration", "normal", "curvature",
+    "acceleration", "normal", "curvature", "vorticity", "q_criterion",
 )  # fmt: skip
 """Fields that particle output may hold (positions are always written)."""
 

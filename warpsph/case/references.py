@@ -60,7 +60,7 @@ class ReferenceValue(_Reference):
     reduce: Annotated[
         Literal[
             "mean", "max", "min", "final", "rms", "farthest", "change", "period",
-            "peak", "peak_time", "trough", "trough_time", "noise", "slope",
+            "peak", "peak_time", "trough", "trough_time", "noise", "slope", "frequency", "amplitude", "strouhal",
         ],
         ChoiceRule(),
     ] = Field(
@@ -68,7 +68,9 @@ class ReferenceValue(_Reference):
         description="how the column becomes one number. farthest: the value farthest from the reference; change: the "
         "largest relative change since the first row; peak, trough and their times: of the cubic through the rows of the "
         "window; noise: root mean square of the deviations from a parabola through the rows within half a span of each; "
-        "slope: of a line gauge, at its last time",
+        "slope: of a line gauge, at its last time; frequency, amplitude: of the wave with two overtones that fits the rows "
+        "of the window best, 1/s and half of the way from its lowest to its highest point; strouhal: that frequency times "
+        "length over speed, those of a gauge of type force_coefficients",
         examples=["mean"],
     )  # fmt: skip
     window: _Window | None = Field(
@@ -123,13 +125,15 @@ class ReferenceCurve(_Reference):
     norm: _Norm = Field(default="max", description="how the deviations become one number", examples=["max"])
     reduce: Annotated[
         Literal[
-            "mean", "max", "min", "final", "rms", "period", "peak", "peak_time", "trough", "trough_time", "noise"
+            "mean", "max", "min", "final", "rms", "period", "peak", "peak_time", "trough", "trough_time", "noise",
+            "frequency", "amplitude", "strouhal",
         ],
         ChoiceRule(),
     ] | None = Field(
         default=None,
         description="instead of norm: column and curve each become one number in this way, over the same times, and these "
-        "are compared (peak, trough and their times: of the cubic through the rows of the window; noise: as of a value)",
+        "are compared (peak, trough and their times: of the cubic through the rows of the window; noise, frequency, "
+        "amplitude, strouhal: as of a value)",
         examples=["mean"],
     )  # fmt: skip
     span: PositiveNumber | None = Field(
@@ -176,7 +180,10 @@ class Curves(CaseModel):
 
     file: StrictStr = Field(description="CSV file, relative to the case file", examples=["reference/x.csv"])
     position: StrictStr = Field(
-        description="name of its position column (distance from the line's `from`, m)", examples=["y_m"]
+        description="name of its position column: distance from the line's `from`, of a surface the arc, m", examples=["y_m"]
+    )
+    position_scale: PositiveNumber = Field(
+        default=1.0, description="factor that turns its positions into m", examples=["pi*0.5"]
     )
     columns: Annotated[Mapping[float, str], FreezeMapping(), BeforeValidator(_as_columns)] = Field(
         description="time in s -> name of the column", examples=['{0.1: "u_t=0.1"}']
@@ -185,11 +192,12 @@ class Curves(CaseModel):
 
 
 class ReferenceCurves(_Reference):
-    """A line gauge's field against profiles at given times."""
+    """A field along a line, or along the surface of a plane body, against profiles at given times."""
 
-    gauge: Name = Field(description="name of a line gauge", examples=["profile"])
+    gauge: Name = Field(description="name of a gauge of type line, or in 2-D surface_stress", examples=["profile"])
     column: StrictStr = Field(
-        description="field of the gauge, with _x, _y, _z for a vector", examples=["velocity_x"]
+        description="column of the gauge, such as a field with _x, _y, _z for a vector, or arithmetic of columns",
+        examples=["velocity_x"],
     )
     curves: Curves = Field(
         description="the reference profiles",

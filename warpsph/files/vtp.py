@@ -232,6 +232,8 @@ def read_vtp(path: Path, dimension: int = 3) -> Snapshot:
         normal=arrays.get("normal"),
         curvature=arrays.get("curvature"),
         acceleration=arrays.get("acceleration"),
+        vorticity=arrays.get("vorticity"),
+        q_criterion=arrays.get("q_criterion"),
     )
 
 

@@ -28,6 +28,8 @@ class Needs:
     """of the snapshot, for all particles; `phase` and `kind` come with any"""
     samples: frozenset[str] = frozenset()
     """of the snapshot, for the fluid around the points of the gauge"""
+    surfaces: frozenset[str] = frozenset()
+    """bodies along whose surface the device measures what the fluid does"""
 
     @classmethod
     def of(
@@ -36,13 +38,18 @@ class Needs:
         extra: Iterable[str] = (),
         fields: Iterable[str] = (),
         samples: Iterable[str] = (),
+        surfaces: Iterable[str] = (),
     ) -> Needs:
         """Needs from any iterables."""
-        return cls(frozenset(sums), frozenset(extra), frozenset(fields), frozenset(samples))
+        return cls(frozenset(sums), frozenset(extra), frozenset(fields), frozenset(samples), frozenset(surfaces))
 
     def __or__(self, other: Needs) -> Needs:
         return Needs(
-            self.sums | other.sums, self.extra | other.extra, self.fields | other.fields, self.samples | other.samples
+            self.sums | other.sums,
+            self.extra | other.extra,
+            self.fields | other.fields,
+            self.samples | other.samples,
+            self.surfaces | other.surfaces,
         )
 
 

@@ -11,6 +11,8 @@
 | strays | the name of each phase |
 | interface_length | interface_length |
 | wall_force | force_x ..., and `force_x block` ... for each body |
+| force_coefficients | `Cd block`, `Cl block`, `Cm block`, `Cd_pressure block` ... of each body |
+| surface_stress | arc, angle, position, normal, pressure, shear; one row for each station of the surface |
 | elevation | `surface_1`, `surface_2` ... above each place |
 | flow_rate | `flow x_lower`, `through x_lower`, `face_pressure x_lower` ... of each inlet and outlet |
 | reattachment | separation, reattachment |
@@ -46,6 +48,7 @@ from warpsph.measure.gauge import Gauge, Needs
 from warpsph.measure.gauge_files import GaugeFile
 from warpsph.measure.phase_gauges import (
     EnergyGauge,
+    ForceCoefficientsGauge,
     InterfaceLengthGauge,
     MomentumGauge,
     PhasePressureGauge,
@@ -54,6 +57,7 @@ from warpsph.measure.phase_gauges import (
 )
 from warpsph.measure.point_gauges import LineGauge, PointsGauge
 from warpsph.measure.shape_gauges import ContourGauge, ExtentsGauge, StraysGauge
+from warpsph.measure.surface_gauge import SurfaceStressGauge
 from warpsph.measure.totals import PhaseEos, Scene
 from warpsph.snapshot import Snapshot
 
@@ -67,6 +71,8 @@ GAUGES: dict[str, type[Gauge]] = {
     "strays": StraysGauge,
     "interface_length": InterfaceLengthGauge,
     "wall_force": WallForceGauge,
+    "force_coefficients": ForceCoefficientsGauge,
+    "surface_stress": SurfaceStressGauge,
     "elevation": ElevationGauge,
     "points": PointsGauge,
     "line": LineGauge,

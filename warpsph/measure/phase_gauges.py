@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from warpsph.case.coefficients import chosen_bodies, reference_pressure, stream_directions
 from warpsph.case.columns import Column, wall_bodies
 from warpsph.measure.gauge import Gauge, Needs
 from warpsph.measure.interface_area import interface_areas
@@ -139,6 +140,11 @@ class WallForceGauge(Gauge):
         return np.array([self.extra(snapshot, f"{quantity}_{axis} {body}") for axis in self.axes])
 
     def _parts(self, snapshot: Snapshot, body: str) -> list[float]:
+        force, friction, torque = self._load(snapshot, body)
+        return [*(force - friction), *friction, *torque]
+
+    def _load(self, snapshot: Snapshot, body: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Force on a body of the case, its part of friction, and the torque about the pivot, (d,), (d,) and (1 or 3,)."""
         force = self._vector(snapshot, "wall_force", body)
         friction = self._vector(snapshot, "wall_friction", body)
         turning = self.axes if self.dimension == 3 else ("z",)
@@ -146,4 +152,35 @@ class WallForceGauge(Gauge):
         if self.spec.pivot is not None:
             arm = self._vector(snapshot, "wall_centre", body) - np.array(self.spec.pivot)
             torque = torque + (np.cross(arm, force) if self.dimension == 3 else arm[0] * force[1] - arm[1] * force[0])
-        return [*(force - friction), *friction, *torque]
+        return force, friction, torque
+
+
+class ForceCoefficientsGauge(WallForceGauge):
+    """Drag, lift and moment of bodies over those of a stream: C = F/(q A), Cm = M/(q A L).
+
+    A is the area, in 2-D the length L times a metre of depth. The axis lift x drag is that of the side force and of the
+    pitching moment Cm, positive nose up; rolling is about drag, yawing about lift.
+    """
+
+    def __init__(self, name: str, spec: Any, case: Any) -> None:
+        super().__init__(name, spec, case)
+        self.bodies = chosen_bodies(case, spec)
+        self.drag, self.lift = stream_directions(spec, self.dimension)
+        self.force_scale = reference_pressure(case, spec) * (spec.area if self.dimension == 3 else spec.length)
+
+    def row(self, snapshot: Snapshot) -> list[float]:
+        return [number for body in self.bodies for number in self._coefficients(snapshot, body)]
+
+    def _coefficients(self, snapshot: Snapshot, body: str) -> list[float]:
+        """The columns of one body."""
+        drag, lift, scale = self.drag, self.lift, self.force_scale
+        force, friction, torque = self._load(snapshot, body)
+        pressure = force - friction
+        if self.dimension == 3:
+            side = np.cross(lift, drag)
+            moments = [torque @ axis / (scale * self.spec.length) for axis in (side, drag, lift)]
+            whole = [force @ drag / scale, force @ lift / scale, force @ side / scale, *moments]
+        else:
+            about = lift[0] * drag[1] - lift[1] * drag[0]  # z of lift x drag: 1 or -1
+            whole = [force @ drag / scale, force @ lift / scale, about * torque[0] / (scale * self.spec.length)]
+        return [*whole, *(part @ axis / scale for axis in (drag, lift) for part in (pressure, friction))]

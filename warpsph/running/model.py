@@ -31,14 +31,16 @@ from warpsph.kernels.core.time_signals import FORCING_SIZE, depends_on_time
 from warpsph.measure.totals import Scene, eos_of_run
 from warpsph.running import memory
 from warpsph.running.device_sums import DeviceSums
+from warpsph.running.flow_fields import FlowFields
 from warpsph.running.state_copy import copy_state
+from warpsph.running.surface_stress import SurfaceStress
 from warpsph.running.wall_loads import WallLoads
 from warpsph.scene.forcing import forcing_of
 from warpsph.scene.geometry import Geometry, build
 from warpsph.scene.open_faces import buffer_layers
 from warpsph.scene.packing import Packer
 from warpsph.scene.physics import Physics, contact_matrix, derive, support_radius
-from warpsph.snapshot import Snapshot
+from warpsph.snapshot import Snapshot, Stations
 from warpsph.start import start_warp
 
 if TYPE_CHECKING:
@@ -110,6 +112,8 @@ class Model:
         counts = self.geometry.fluid_count, self.geometry.wall_count
         room = self.scheme.room(case, self.geometry, self.physics)
         self._loads: WallLoads | None = None
+        self._stress: SurfaceStress | None = None
+        self._flow: FlowFields | None = None
         self._sums: DeviceSums | None = None
         self._grown = 0
         self.particles = Population(self.physics.spec, self.scheme.fields(), *counts, self.device, room)
@@ -428,6 +432,13 @@ class Model:
         self.stepper.measure("interface")
         return self.sums.interface_length()
 
+    def flow_fields(self) -> dict[str, Any]:
+        """Return vorticity and Q of the fluid particles, see `FlowFields.measure`."""
+        if self._flow is None or self._flow.particles is not self.particles:
+            staggered = self.scheme.staggered(self.physics.spec)
+            self._flow = FlowFields(self.particles, self.launcher, self.stepper, staggered)
+        return self._flow.measure()
+
     def wall_load(self) -> Any:
         """Return the force of the fluid on each wall particle, a Warp array of (walls,) vectors [N]."""
         return self._wall_loads.measure()
@@ -435,6 +446,13 @@ class Model:
     def wall_forces(self) -> dict[str, float]:
         """Return what the fluid does to each wall body, see `WallLoads.forces`."""
         return self._wall_loads.forces()
+
+    def surface_stress(self, body: str) -> Stations:
+        """Return what the fluid does along the surface of a body."""
+        loads = self._wall_loads
+        if self._stress is None or self._stress.loads is not loads:
+            self._stress = SurfaceStress(self.case, self.geometry, self.particles, self.stepper, loads)
+        return self._stress.measure(body)
 
     @property
     def _wall_loads(self) -> WallLoads:

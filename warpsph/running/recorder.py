@@ -12,6 +12,7 @@ from warpsph.measure.gauges import GaugeSet
 from warpsph.measure.probes import sample
 from warpsph.running.device_sums import Nearby
 from warpsph.running.state_copy import SOURCES, StateCopy, copy_state
+from warpsph.snapshot import Stations
 
 if TYPE_CHECKING:
     from warpsph.running.model import Model
@@ -23,13 +24,14 @@ class Record:
 
     state: fields of all particles; of none, if no gauge needs any
     around: the fluid around the points of gauges, if any are due
-    sums, extra: as in a snapshot
+    sums, extra, surfaces: as in a snapshot
     """
 
     state: StateCopy
     around: StateCopy | None
     sums: dict[type, Any]
     extra: dict[str, float]
+    surfaces: dict[str, Stations]
 
 
 class Recorder:
@@ -61,19 +63,20 @@ class Recorder:
             extra.update(model.wall_forces())
         if "flow_rate" in needs.extra:
             extra.update(model.flow_rates())
+        surfaces = {body: model.surface_stress(body) for body in sorted(needs.surfaces)}
         around = None
         if needs.samples:
             points = self.gauges.sample_points
             everywhere = np.concatenate([points[name] for name in names if name in points])
             wanted = {"position", "volume", *needs.samples} & SOURCES.keys()
             around = copy_state(model, wanted, self._around(everywhere))
-        return Record(copy_state(model, needs.fields), around, model.sums.form(needs.sums), extra)
+        return Record(copy_state(model, needs.fields), around, model.sums.form(needs.sums), extra, surfaces)
 
     def write(self, record: Record) -> None:
         """Measure and write the rows that are due; called by the thread that writes. Raises OutputError."""
         gauges = self.gauges
         snapshot = record.state.snapshot(ordered=False)
-        snapshot.sums, snapshot.extra = record.sums, record.extra
+        snapshot.sums, snapshot.extra, snapshot.surfaces = record.sums, record.extra, record.surfaces
         if record.around is not None:
             fluid = record.around.snapshot(ordered=False)
             points, fields, degrees = gauges.sample_points, gauges.sample_fields, gauges.sample_degrees

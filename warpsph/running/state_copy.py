@@ -11,6 +11,7 @@ import warp as wp
 
 from warpsph.kernels.core import clock as ck
 from warpsph.kernels.core.fields import FLUID as IN_FLUID
+from warpsph.running.flow_fields import DERIVED
 from warpsph.snapshot import FLUID, OPTIONAL_FIELDS, WALL, Snapshot
 
 if TYPE_CHECKING:
@@ -28,8 +29,10 @@ SOURCES = {
     "particle_id": ("particle_id",),
     "normal": ("normal",),
     "curvature": ("curvature",),
+    "vorticity": ("vorticity",),
+    "q_criterion": ("q_criterion",),
 }
-EVERYTHING = frozenset(SOURCES)
+EVERYTHING = frozenset(SOURCES) - {*DERIVED}
 
 
 @dataclass(frozen=True)
@@ -124,10 +127,10 @@ class StateCopy:
             return self._fluid_and_walls(self._rest_density() * arrays["rest_volume"], wall_density * wall_volume)
         if name == "volume":
             return self._fluid_and_walls(self._rest_density() * arrays["rest_volume"] / self._density(), wall_volume)
-        if name == "curvature":
-            return self._fluid_and_walls(arrays["curvature"], 0.0)
+        if name in ("curvature", "q_criterion") or (name == "vorticity" and spec.dimension == 2):
+            return self._fluid_and_walls(arrays[name], 0.0)
         source = "anchor" if name == "position" else name
-        result = np.zeros((n, spec.dimension))
+        result = np.zeros((n, 3 if name == "vorticity" else spec.dimension))
         result[: len(arrays[source])] = arrays[source]
         if name == "position":
             result[:nf] += arrays["offset"]
@@ -162,11 +165,14 @@ def copy_state(model: Model, wanted: Iterable[str] = EVERYTHING, rows: np.ndarra
     if spec.moving and "position" in wanted:
         names |= {"position"}
     present = sorted(names & particles.arrays.keys())
+    derived = model.flow_fields() if names & {*DERIVED} else {}
     if rows is not None:
         chosen: Any = wp.array(rows, dtype=int, device=model.device)
-        arrays = {name: _rows_of(particles.arrays[name], rows, chosen) for name in present}
+        found = {name: particles.arrays[name] for name in present} | derived
+        arrays = {name: _rows_of(array, rows, chosen) for name, array in found.items()}
         return StateCopy(model, wanted, arrays, len(rows), 0, **numbers)
     arrays = {name: particles.get(name) for name in present}
+    arrays |= {name: np.array(array.numpy()[: particles.fluid_count]) for name, array in derived.items()}
     return StateCopy(model, wanted, arrays, particles.fluid_count, particles.wall_count, **numbers)
 
 

@@ -45,13 +45,16 @@ class WallLoads:
         self.tracks = forcing_of(case).tracks
         self._arrays: dict[str, Any] = {}
 
-    def measure(self) -> Any:
-        """Return the force on each wall particle, a Warp array of (walls,) vectors [N]."""
+    def measure(self, name: str = "wall_load") -> Any:
+        """Return the force on each wall particle, a Warp array of (walls,) vectors [N].
+
+        name: which of the measurements of the program, `surface_load` for that over the surface of bodies.
+        """
         bindings = self.stepper.bindings
-        for name in ("load", "friction"):
-            if name not in bindings:
-                bindings[name] = self._array(name)
-        self.stepper.measure("wall_load")
+        for array in ("load", "friction"):
+            if array not in bindings:
+                bindings[array] = self._array(array)
+        self.stepper.measure(name)
         return bindings["load"]
 
     def forces(self) -> dict[str, float]:
@@ -78,6 +81,10 @@ class WallLoads:
             for name in self.case.bodies:
                 forces |= {f"wall_{part}_{axis} {name}": math.nan for part, axes in parts.items() for axis in axes}
         return forces
+
+    def centre(self, body: str) -> np.ndarray:
+        """Return where the centre of the surface of a body is now, (d,) [m]."""
+        return np.asarray(self._present()[self.names.index(body)])
 
     def _named(self, quantity: str, axes: str, load: Any) -> dict[str, float]:
         """Return the sums of vectors on wall particles over each body, by `quantity_axis body`."""

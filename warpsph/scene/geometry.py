@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from warpsph.case.case import Case
+    from warpsph.scene.surfaces import Surface
 
 
 __all__ = ["FLUID", "WALL", "Arrange", "Geometry", "build"]
@@ -62,6 +63,7 @@ class Geometry:
     cut: names of the bodies whose surface cuts cells of the lattice
     stout: whether no body has a thin tail, nor would have one if it went on into the wall that it ends on
     at_open_side: whether a cell that no body takes lies at an open side of the domain
+    shapes: surfaces of the bodies, in their order
     surface: where the surface of the walls is, seen from each wall particle; None without bodies
     lattice: the cells that the particles come from; its `lower` and `upper` are where the walls stand
     arrangement: lattice or fitted: what `start.arrangement` came to
@@ -84,6 +86,7 @@ class Geometry:
     cut: tuple[str, ...]
     stout: bool
     at_open_side: bool
+    shapes: tuple[Surface, ...]
     surface: Surroundings | None
     lattice: Lattice
     arrangement: str = "lattice"
@@ -198,6 +201,7 @@ def build(case: Case, support: float, unlock: float = 0.0, arrange: Arrange | No
         cut=tuple(cut),
         stout=all(solid.stout for solid in walls.solids),
         at_open_side=_at_open_side(case, np.ones(lattice.count, np.bool_) if covered is None else ~covered),
+        shapes=tuple(surfaces),
         surface=surface,
         lattice=lattice,
         arrangement=arrangement,

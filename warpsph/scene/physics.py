@@ -111,7 +111,20 @@ def derive(case: Case, geometry: Geometry, row_list: bool = True) -> Physics:
         CaseError: a number that follows is beyond the precision, or a periodic axis is too short.
     """
     derived: Physics = checked(case.scheme.derive)(case, geometry, row_list)
+    _check_surface_gauges(case, derived)
     return derived
+
+
+def _check_surface_gauges(case: Case, physics: Physics) -> None:
+    """Refuse gauges along the surface of bodies that are walls of cells. Raises CaseError."""
+    rule = "needs bodies that are no cells: in several fluids and between inlets, bodies of whole cells at rest are"
+    remedy = "move the body by a tenth of a spacing, or use a gauge of type wall_force"
+    problems = [
+        Problem(f"gauges.{name}.type", gauge.type, rule, remedy)
+        for name, gauge in case.gauges.items() if gauge.type == "surface_stress" and not physics.spec.bodies
+    ]  # fmt: skip
+    if problems:
+        raise CaseError(problems)
 
 
 def has_room(case: Case, geometry: Geometry) -> bool:

@@ -7,9 +7,7 @@ from warpsph.engine.program import Absent, BuildList, KeepList, Node, Program, R
 from warpsph.kernels.core.clock import make_advance
 from warpsph.kernels.core.poses import MIDDLE, NEXT
 from warpsph.kernels.core.spec import Spec
-from warpsph.kernels.core.surface_load import make_surface_load
 from warpsph.kernels.core.time_signals import depends_on_time
-from warpsph.kernels.core.wall_fit import make_wall_fit
 from warpsph.kernels.delta.delta_continuity import make_delta_continuity
 from warpsph.kernels.delta.delta_drift import make_delta_drift, make_delta_shift, make_delta_state
 from warpsph.kernels.delta.delta_fields import ADVANCED
@@ -17,7 +15,7 @@ from warpsph.kernels.delta.delta_load import make_delta_load
 from warpsph.kernels.delta.delta_momentum import make_delta_momentum
 from warpsph.kernels.riemann.volume import make_volume
 from warpsph.schemes.open_stages import buffer_gradient, closed_sides, crossing, fill, open_flow, sponge
-from warpsph.schemes.wall_stages import bodies, moving_sides, signals, walls, walls_ahead
+from warpsph.schemes.wall_stages import bodies, moving_sides, signals, surface_load, walls, walls_ahead
 
 
 def program(spec: Spec) -> Program:
@@ -25,6 +23,8 @@ def program(spec: Spec) -> Program:
     measures: dict[str, list[Node]] = {}
     if spec.walls:
         measures["wall_load"] = [*signals(spec), *load(spec)]
+    if spec.bodies:
+        measures["surface_load"] = [*signals(spec), *surface_load(spec)]
     return Program(
         step=step(spec), start=start(spec), advance=advance(spec), measures=measures, changes=crossing(spec)
     )
@@ -132,9 +132,7 @@ def load(spec: Spec) -> list[Stage]:
     momentum: in a domain that is full, bodies have the integral over their surface instead.
     """
     if spec.bodies and spec.tension_control and not spec.free_surface:
-        # a build of the list may have moved the rows since the fit
-        fit = Stage("wall_fit", make_wall_fit(spec), "wall", "linear fit of the flow before the walls")
-        return [fit, Stage("wall_load", make_surface_load(spec), "wall", "wall-force gauge, over the surface")]
+        return surface_load(spec)
     return [Stage("wall_load", make_delta_load(spec), "wall", "wall-force gauge")]
 
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from warpsph.case.gauge_models import LOAD_GAUGES
 from warpsph.errors import MISSING, CaseError, Problem
 from warpsph.kernels.core.smoothing import KERNELS, make_smoothing
 from warpsph.kernels.core.spec import Spec
@@ -169,7 +170,7 @@ def derive(case: Case, geometry: Geometry, row_list: bool) -> Physics:
         remedy = "write numerics: {scheme: riemann}, or delete the gauge"
         problems = [
             Problem(f"gauges.{name}.type", gauge.type, rule, remedy)
-            for name, gauge in case.gauges.items() if gauge.type == "wall_force" and case.bodies
+            for name, gauge in case.gauges.items() if gauge.type in LOAD_GAUGES and case.bodies
         ]  # fmt: skip
         if problems:
             raise CaseError(problems)

@@ -47,6 +47,7 @@ def program(spec: Spec) -> Program:
             Stage("wall_fit", make_wall_fit(spec, across=True), "wall", "wall-force gauge: fit of pressure and velocity"),
             Stage("surface_load", make_surface_load(spec), "wall", "wall-force gauge"),
         ]
+        measures["surface_load"] = measures["wall_load"]
     return Program(
         step=step(spec),
         start=start(spec),

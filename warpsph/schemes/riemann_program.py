@@ -10,9 +10,7 @@ from warpsph.engine.program import Absent, BuildList, KeepList, Node, Program, R
 from warpsph.kernels.core.clock import make_advance
 from warpsph.kernels.core.poses import MIDDLE, NEXT
 from warpsph.kernels.core.spec import Spec
-from warpsph.kernels.core.surface_load import make_surface_load
 from warpsph.kernels.core.time_signals import depends_on_time
-from warpsph.kernels.core.wall_fit import make_wall_fit
 from warpsph.kernels.riemann.contact import make_contact
 from warpsph.kernels.riemann.density import make_continuity, make_state
 from warpsph.kernels.riemann.drift import make_drift
@@ -23,7 +21,7 @@ from warpsph.kernels.riemann.load import make_load
 from warpsph.kernels.riemann.momentum import make_momentum
 from warpsph.kernels.riemann.volume import make_volume
 from warpsph.schemes.open_stages import buffer_gradient, closed_sides, crossing, fill, open_flow, sponge
-from warpsph.schemes.wall_stages import bodies, moving_sides, signals, walls, walls_ahead
+from warpsph.schemes.wall_stages import bodies, moving_sides, signals, surface_load, walls, walls_ahead
 
 
 def program(spec: Spec) -> Program:
@@ -33,6 +31,8 @@ def program(spec: Spec) -> Program:
         measures["interface"] = [*geometry(spec)]
     if spec.walls:
         measures["wall_load"] = [*signals(spec), *wall_load(spec)]
+    if spec.bodies:
+        measures["surface_load"] = [*signals(spec), *surface_load(spec)]
     return Program(
         step=step(spec),
         start=start(spec),
@@ -119,9 +119,7 @@ def geometry(spec: Spec) -> list[Stage]:
 def wall_load(spec: Spec) -> list[Stage]:
     """Return the stages that a wall-force gauge runs: the force on each wall particle."""
     if spec.bodies and spec.corrected:
-        # a build of the list may have moved the rows since the fit
-        fit = Stage("wall_fit", make_wall_fit(spec), "wall", "linear fit of the flow before the walls")
-        return [fit, Stage("wall_load", make_surface_load(spec), "wall", "wall-force gauge, over the surface")]
+        return surface_load(spec)
     return [Stage("wall_load", make_load(spec), "wall", "wall-force gauge")]
 
 

@@ -7,6 +7,7 @@ from warpsph.kernels.core.drive import make_move_sides, make_signals
 from warpsph.kernels.core.moving_bodies import make_move_bodies
 from warpsph.kernels.core.poses import MIDDLE
 from warpsph.kernels.core.spec import Spec
+from warpsph.kernels.core.surface_load import make_surface_load
 from warpsph.kernels.core.time_signals import depends_on_time
 from warpsph.kernels.core.wall import make_wall
 from warpsph.kernels.core.wall_fit import make_wall_fit, make_wall_rows, make_wall_values
@@ -50,6 +51,15 @@ def walls(spec: Spec, ahead: bool = False, across: bool = False) -> list[Stage]:
             Stage("wall_values", make_wall_values(spec), "wall", "pressure and mirrored velocity of the walls"),
         ]
     return [Stage("wall_state", make_wall(spec), "wall", "pressure and mirrored velocity of the walls")]
+
+
+def surface_load(spec: Spec) -> list[Stage]:
+    """Return the stages that gauges of bodies run: the force on each wall particle, over the surface."""
+    # a build of the list may have moved the rows since the fit
+    return [
+        Stage("wall_fit", make_wall_fit(spec), "wall", "linear fit of the flow before the walls"),
+        Stage("wall_load", make_surface_load(spec), "wall", "wall-force gauge, over the surface"),
+    ]
 
 
 def walls_ahead(spec: Spec) -> list[Stage]:

@@ -42,6 +42,9 @@ within half a `span` of each row, is taken off there (the filter of Savitzky and
 periods up to the span and is blind to slower motion: of a sine it leaves 1.0 to 1.2 of the amplitude at periods of half a
 span or less, 0.24 at a whole span, 0.02 at two and 0.001 at four. Of a curve it is that of the line through its points at
 the times of the gauge: a curve with fewer than eight points a span has lost what rings, and is not compared.
+
+`reduce: frequency`, `amplitude` and `strouhal` are those of the wave, a mean with a sine and two overtones, that fits the
+rows of the window best (`warpsph.study.oscillation`); the note says how many cycles there are and what the wave leaves over.
 """
 
 from __future__ import annotations
@@ -68,6 +71,7 @@ from warpsph.study.norms import (
     particle_norm,
     reduced,
 )
+from warpsph.study.oscillation import OF_WAVES, of_wave
 from warpsph.study.outline import interface_error
 from warpsph.study.reference_files import known_curve, known_profile, read_table
 from warpsph.study.results import Results, distance_along, pick_column, rows_at
@@ -195,7 +199,7 @@ def _value(spec: Any, source: Results) -> dict[str, Any]:
             change = values / values[0] - 1.0
             value, unit = float(change[np.argmax(np.abs(change))]), "1"
         else:
-            value, unit, note = reduced(spec.reduce, times, values, unit)
+            value, unit, note = _one_number(spec, source, times, values, unit)
     result = {"value": value, "reference": reference, "unit": unit}
     if spec.moved_from is not None:
         way = abs(reference - spec.moved_from)
@@ -204,6 +208,15 @@ def _value(spec: Any, source: Results) -> dict[str, Any]:
         note = "; ".join(filter(None, ["absolute error, as the reference is 0", note]))
         return {**result, "error": value, "note": note}
     return {**result, "error": (value - reference) / reference, "note": note}
+
+
+def _one_number(
+    spec: Any, source: Results, times: np.ndarray, values: np.ndarray, unit: str
+) -> tuple[float, str, str]:
+    """One number from the rows of a window, as `reduce` of an entry says, its unit and a note."""
+    if spec.reduce in OF_WAVES:
+        return of_wave(spec.reduce, times, values, unit, source.case.gauges[spec.gauge])
+    return reduced(spec.reduce, times, values, unit)
 
 
 def _in_window(spec: Any, source: Results, times: np.ndarray) -> np.ndarray:
@@ -270,7 +283,7 @@ def _curve(spec: Any, source: Results) -> dict[str, Any]:
     times, values = times[covered], values[covered]
     reference = np.interp(times, known_times, known)
     if spec.reduce is not None:
-        return _reduced_curve(spec, times, values, reference, unit, known_times)
+        return _reduced_curve(spec, source, times, values, reference, unit, known_times)
     first = known[0]
     note = f"compared over {times[0]:g} to {times[-1]:g} s"
     if spec.moved_from is None:
@@ -303,7 +316,13 @@ def _of_way(way: float, unit: str) -> str:
 
 
 def _reduced_curve(
-    spec: Any, times: np.ndarray, values: np.ndarray, reference: np.ndarray, unit: str, known_times: np.ndarray
+    spec: Any,
+    source: Results,
+    times: np.ndarray,
+    values: np.ndarray,
+    reference: np.ndarray,
+    unit: str,
+    known_times: np.ndarray,
 ) -> dict[str, Any]:
     """A column and a curve at the same `times`, each reduced to one number in the same way.
 
@@ -318,8 +337,8 @@ def _reduced_curve(
         known, value = noise(times, reference, spec.span), noise(times, values, spec.span)
         note = f"about parabolas of {spec.span:g} s"
     else:
-        known, _, _ = reduced(spec.reduce, times, reference, unit)
-        value, unit, note = reduced(spec.reduce, times, values, unit)
+        known, _, _ = _one_number(spec, source, times, reference, unit)
+        value, unit, note = _one_number(spec, source, times, values, unit)
     note = "; ".join(filter(None, [f"over {times[0]:g} to {times[-1]:g} s", note]))
     result = {"value": value, "reference": known, "unit": unit}
     if spec.relative_to == "absolute":

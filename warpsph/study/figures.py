@@ -36,12 +36,12 @@ _WORTH = 1.3  # how much larger pictures have to become for one more row of them
 _BESIDE = 2.0  # what colour bar and labels take of the width [inch]
 _CURVE_COLUMNS = 3
 _CURVE_HEIGHT = 2.9  # of a panel of curves [inch]
-_NO_VALUES = ("period", "peak_time", "trough_time", "noise")  # reductions whose result is no value of the column
+# reductions whose result is no value of the column
+_NO_VALUES = ("period", "peak_time", "trough_time", "noise", "frequency", "amplitude", "strouhal")
 _LONGEST_LABEL = 34  # letters beside a panel of curves; longer arithmetic of columns takes more lines
 _FEW = 25  # reference points that are drawn one by one
 _MOST_POINTS = 20_000  # particles in one panel against their exact values
 _SAME_TIME = 5e-3  # share of a time within which a reference interface belongs to a picture
-_LONGEST_EDGE = 3.0  # of a triangle between neighbouring particles, in particle spacings
 
 
 def can_draw() -> bool:
@@ -136,7 +136,7 @@ def _draw_particles(
     figure: FigureBase, columns: int, cuts: list[plot.Frame], view: plot.View, field: str, case: Case
 ) -> None:
     """One panel a frame, cut to the view, with the reference interface of its time where the case names one."""
-    fields = [_field(cut, view, field) for cut in cuts]
+    fields = [plot.field_of(cut, view, field) for cut in cuts]
     scale = plot.scale_of(field, np.concatenate(fields))
     rows = math.ceil(len(cuts) / columns)
     axes = list(figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True).flat)
@@ -153,50 +153,6 @@ def _draw_particles(
     axes[0].locator_params(nbins=5)
     axes[0].ticklabel_format(scilimits=(-2, 4))
     scale.bar(figure, axes, view, case.phase_names)
-
-
-def _field(frame: plot.Frame, view: plot.View, field: str) -> np.ndarray:
-    """(n,) values of what colours the fluid of a picture."""
-    if field != "vorticity":
-        return plot.values_of(frame.fluid, field)
-    velocity = frame.fluid.velocity[:, view.axes]
-    return vorticity(view.place(frame.fluid), velocity, _LONGEST_EDGE * view.spacing)
-
-
-def vorticity(position: np.ndarray, velocity: np.ndarray, longest: float) -> np.ndarray:
-    """Vorticity dv/dx - du/dy at the particles, (n,) [1/s]; nan where a particle has no neighbours.
-
-    The velocity is linear on the triangles between neighbouring particles (Delaunay); a particle gets the mean over its
-    triangles, weighted with their areas. Across a periodic side nothing is seen: there the mean is one-sided.
-
-    position, velocity: (n, 2), m and m/s; longest: edge [m] from which on a triangle spans a gap and does not count.
-    """
-    from matplotlib.tri import Triangulation
-
-    result = np.full(len(position), np.nan)
-    usable = np.flatnonzero(np.isfinite(position).all(axis=1) & np.isfinite(velocity).all(axis=1))
-    if len(usable) < 3:
-        return result
-    x, u = np.asarray(position[usable], np.float64), np.asarray(velocity[usable], np.float64)
-    try:
-        corner = Triangulation(x[:, 0], x[:, 1]).triangles
-    except (RuntimeError, ValueError):  # all particles on one line
-        return result
-    a, b = x[corner[:, 1]] - x[corner[:, 0]], x[corner[:, 2]] - x[corner[:, 0]]
-    edge = np.max([np.hypot(*side.T) for side in (a, b, b - a)], axis=0)
-    twice_area = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
-    kept = (edge < longest) & (np.abs(twice_area) > 1e-6 * edge**2)
-    corner, a, b, twice_area = corner[kept], a[kept], b[kept], twice_area[kept]
-    du, dv = u[corner[:, 1]] - u[corner[:, 0]], u[corner[:, 2]] - u[corner[:, 0]]
-    # times twice the area: dv/dx and du/dy of the plane through the three corners
-    curl = (du[:, 1] * b[:, 1] - dv[:, 1] * a[:, 1]) - (dv[:, 0] * a[:, 0] - du[:, 0] * b[:, 0])
-    curl *= np.sign(twice_area)
-    total, weight = np.zeros(len(x)), np.zeros(len(x))
-    for k in range(3):
-        np.add.at(total, corner[:, k], curl)
-        np.add.at(weight, corner[:, k], np.abs(twice_area))
-    result[usable] = np.divide(total, weight, out=np.full(len(x), np.nan), where=weight > 0)
-    return result
 
 
 def _interfaces(case: Case, time: float) -> list[np.ndarray]:

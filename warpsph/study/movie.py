@@ -29,6 +29,7 @@ from warpsph.study.plot import (
     corners_of,
     draw_discs,
     draw_segments,
+    field_of,
     phase_names,
     read_frame,
     read_series,
@@ -36,7 +37,6 @@ from warpsph.study.plot import (
     set_axes,
     shown_phases,
     slice_picture,
-    values_of,
     view_of,
 )
 from warpsph.study.raster import nearest_particles
@@ -99,7 +99,7 @@ def make_movie(
     names = phase_names(folder)
     shown = shown_phases(names, phases)
     view = _common_view(read(), slice_axis)
-    samples = [_sample(values_of(view.cut(frame).only(shown).fluid, field)) for frame in read()]
+    samples = [_sample(field_of(view.cut(frame).only(shown), view, field)) for frame in read()]
     scale = scale_of(field, np.concatenate(samples))
     painter = _Painter(view, scale, names, _clock([time for time, _ in frames]), over)
     encoder = _Gif if path.suffix.lower() == ".gif" else _Mp4
@@ -214,7 +214,7 @@ class _Painter:
     def paint(self, frame: Frame) -> np.ndarray:
         """(height, width, 3) uint8 picture of a frame, which is cut to the view already."""
         self._canvas.restore_region(self._background)
-        values = values_of(frame.fluid, self.scale.field)
+        values = field_of(frame, self.view, self.scale.field)
         walls = 0 if frame.wall is None else len(frame.wall)
         if self.view.middle is None and len(values) + walls <= MOST_DISCS:
             self._discs(frame, values)

@@ -15,6 +15,7 @@ from warpsph.files.output import Series
 from warpsph.files.vtp import read_vtp
 from warpsph.measure.gauge_files import read_gauge
 from warpsph.snapshot import Snapshot
+from warpsph.study.curl import vorticity
 from warpsph.study.raster import owners
 
 if TYPE_CHECKING:
@@ -27,7 +28,7 @@ UNITS = FIELD_UNITS | {"mass": "kg", "phase": "1", "volume": "m^3"}
 """Unit of each field that can be drawn; in 2-D mass and volume are per metre of depth."""
 
 _UNITS_2D = {"mass": "kg/m", "volume": "m^2"}
-_DERIVED_UNITS = {"vorticity": "1/s"}  # of fields that no particle file holds
+_LONGEST_EDGE = 3.0  # of a triangle between neighbouring particles, in particle spacings
 _AXES = "xyz"
 WALL_COLOUR = "0.75"
 DISC = 2 / math.sqrt(math.pi)  # diameter / spacing of a disc as large as a particle's share of the plane
@@ -51,7 +52,7 @@ def plot_run(
     """Draw the particles of a run at some times and the curves of its gauges; return the PNG files written.
 
     folder: run folder
-    field: a scalar field of the particle files, a component of a vector (velocity_x), or the magnitude of a
+    field: a scalar field of the particle files, `vorticity`, a component of a vector (velocity_x), or the magnitude of a
         vector (velocity; speed is the same)
     times: s, within those of the run; for each the nearest frame is drawn, of slice(T1, T2) every frame from T1 to T2
         (default: the first, the middle and the last frame)
@@ -294,6 +295,17 @@ def values_of(part: Snapshot, field: str) -> np.ndarray:
     return np.linalg.norm(values, axis=1) if axis is None else values[:, axis]
 
 
+def field_of(frame: Frame, view: "View", field: str) -> np.ndarray:
+    """(n,) values of what colours the fluid of a frame, which is cut to the view. Raises CaseError if absent.
+
+    Vorticity that the particle files do not hold is found from the velocities in the plane of the picture.
+    """
+    fluid = frame.fluid
+    if field != "vorticity" or _written(fluid, "vorticity") or not _written(fluid, "velocity"):
+        return values_of(fluid, field)
+    return vorticity(view.place(fluid), fluid.velocity[:, view.axes], _LONGEST_EDGE * view.spacing)
+
+
 # ---- particles -------------------------------------------------------------------------------------------
 
 
@@ -349,7 +361,7 @@ def _draw_particles(
     frames: list[Frame], view: View, field: str, names: list[str], over: np.ndarray | None
 ) -> "Figure":
     """One panel a frame, discs as large as the particles, one colour scale for all."""
-    fields = [values_of(frame.fluid, field) for frame in frames]
+    fields = [field_of(frame, view, field) for frame in frames]
     scale = scale_of(field, np.concatenate(fields))
     figure, axes = _panels(len(frames), view.aspect)
     for panel, frame, values in zip(axes, frames, fields, strict=True):
@@ -479,7 +491,7 @@ def _phase_colours(values: np.ndarray) -> tuple[Any, Any]:
 def _label(field: str, flat: bool) -> str:
     """Name and unit of a field for an axis or colour bar."""
     name, _ = _parse_field(field)
-    units = UNITS | _DERIVED_UNITS | (_UNITS_2D if flat else {})
+    units = UNITS | (_UNITS_2D if flat else {})
     title = "speed" if field == "velocity" else field.replace("_", " ")
     return _with_unit(title, units[name])
 

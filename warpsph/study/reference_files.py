@@ -52,7 +52,7 @@ def known_curve(spec: Any, case: Any) -> tuple[np.ndarray, np.ndarray]:
 
 def known_profile(spec: Any, table: Columns, key: str) -> tuple[np.ndarray, np.ndarray]:
     """Distances along the line [m], rising, and values of one profile of an entry."""
-    at = _column(table, spec.curves.position, spec.curves.file)
+    at = _column(table, spec.curves.position, spec.curves.file) * spec.curves.position_scale
     values = _column(table, key, spec.curves.file) * spec.curves.scale
     return _sorted_numbers(at, values, f"{spec.curves.file} has no numbers in the column {key!r}")
 

@@ -112,7 +112,9 @@ def pick_column(columns: Columns, units: Mapping[str, str], text: str) -> tuple[
 
 
 def distance_along(columns: Columns, gauge: Any) -> np.ndarray:
-    """Distance of the rows of a line gauge from its first point [m]."""
+    """Distance of the rows of a line gauge from its first point, of one along a surface the arc [m]."""
+    if gauge.type == "surface_stress":
+        return columns["arc"]
     start = np.asarray(gauge.from_, np.float64)
     axes = ("x", "y", "z")[: len(start)]
     offset = np.stack([columns[axis] for axis in axes], axis=1) - start
