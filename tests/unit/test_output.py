@@ -73,6 +73,10 @@ def test_vtp_is_read_back_by_pyvista(tmp_path, dimension, precision, real, compr
         normal=np.random.default_rng(1).normal(size=(n, dimension)),
         curvature=np.arange(n) * 0.1,
         acceleration=np.ones((n, dimension)),
+        ftle_backward=np.arange(n) * 0.2,
+        ftle_forward=np.arange(n) * 0.3,
+        ftle_age=np.full(n, 0.4),
+        ftle_way=np.full((n, dimension), 0.5),
     )
     path = tmp_path / "fluid_000000.vtp"
     size = write_vtp(path, particles, PARTICLE_FIELDS, precision, compress)

@@ -35,10 +35,14 @@ FIELD_UNITS = {
     "phase": "1",
     "curvature": "1/m",
     "normal": "1",
+    "ftle_backward": "1/s",
+    "ftle_forward": "1/s",
+    "ftle_age": "s",
+    "ftle_way": "m",
 }
 """Fields that can be sampled, and their units (3-D)."""
 
-VECTOR_FIELDS = ("velocity", "acceleration", "normal")
+VECTOR_FIELDS = ("velocity", "acceleration", "normal", "ftle_way")
 
 
 @dataclass(frozen=True)

@@ -232,6 +232,10 @@ def read_vtp(path: Path, dimension: int = 3) -> Snapshot:
         normal=arrays.get("normal"),
         curvature=arrays.get("curvature"),
         acceleration=arrays.get("acceleration"),
+        ftle_backward=arrays.get("ftle_backward"),
+        ftle_forward=arrays.get("ftle_forward"),
+        ftle_age=arrays.get("ftle_age"),
+        ftle_way=arrays.get("ftle_way"),
     )
 
 

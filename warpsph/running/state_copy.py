@@ -11,7 +11,8 @@ import warp as wp
 
 from warpsph.kernels.core import clock as ck
 from warpsph.kernels.core.fields import FLUID as IN_FLUID
-from warpsph.snapshot import FLUID, OPTIONAL_FIELDS, WALL, Snapshot
+from warpsph.running.exponents import find_exponents
+from warpsph.snapshot import FLUID, LYAPUNOV_FIELDS, OPTIONAL_FIELDS, WALL, Snapshot
 
 if TYPE_CHECKING:
     from warpsph.running.model import Model
@@ -28,6 +29,7 @@ SOURCES = {
     "particle_id": ("particle_id",),
     "normal": ("normal",),
     "curvature": ("curvature",),
+    **{name: (name,) for name in LYAPUNOV_FIELDS},
 }
 EVERYTHING = frozenset(SOURCES)
 
@@ -124,8 +126,8 @@ class StateCopy:
             return self._fluid_and_walls(self._rest_density() * arrays["rest_volume"], wall_density * wall_volume)
         if name == "volume":
             return self._fluid_and_walls(self._rest_density() * arrays["rest_volume"] / self._density(), wall_volume)
-        if name == "curvature":
-            return self._fluid_and_walls(arrays["curvature"], 0.0)
+        if name in ("curvature", *LYAPUNOV_FIELDS) and arrays[name].ndim == 1:
+            return self._fluid_and_walls(arrays[name], 0.0)
         source = "anchor" if name == "position" else name
         result = np.zeros((n, spec.dimension))
         result[: len(arrays[source])] = arrays[source]
@@ -158,6 +160,11 @@ def copy_state(model: Model, wanted: Iterable[str] = EVERYTHING, rows: np.ndarra
     names = {source for name in wanted for source in SOURCES[name]}
     if spec.tension == "none":
         names -= {"normal", "curvature"}
+    lyapunov = model.case.output.lyapunov
+    asked = () if lyapunov is None else lyapunov.fields
+    names -= {*LYAPUNOV_FIELDS} - {*asked}
+    if names & {*LYAPUNOV_FIELDS}:
+        find_exponents(model)
     names |= {"phase", "alive", "zone", *model.scheme.shown}
     if spec.moving and "position" in wanted:
         names |= {"position"}

@@ -111,7 +111,10 @@ def derive(case: Case, geometry: Geometry, row_list: bool = True) -> Physics:
         CaseError: a number that follows is beyond the precision, or a periodic axis is too short.
     """
     derived: Physics = checked(case.scheme.derive)(case, geometry, row_list)
-    return derived
+    lyapunov = case.output.lyapunov
+    if lyapunov is None:
+        return derived
+    return dataclasses.replace(derived, spec=dataclasses.replace(derived.spec, windows=lyapunov.starts))
 
 
 def has_room(case: Case, geometry: Geometry) -> bool:

@@ -31,6 +31,7 @@ class DeltaScheme(Scheme):
     numerics = DeltaNumerics
     usual_ratio = 2.0
     shifts = True
+    follows_origins = True
     # the last of the wall stage, which knows schemes of two time levels
     work = frozenset({"load", "friction", "velocity_old", "phase"})
 

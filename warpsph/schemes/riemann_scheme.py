@@ -30,6 +30,7 @@ class RiemannScheme(Scheme):
     summary = "weakly compressible Riemann SPH, any number of phases"
     numerics = RiemannNumerics
     printed_ratio = 1.25
+    follows_origins = True
     open_sides = True
     kept = ("side_memory", "site_ahead", "face_pressure", "face_velocity", "through")
     # the last of the wall stage, which knows schemes of two time levels
