@@ -137,7 +137,7 @@ def make_births(spec: Spec) -> tuple[Any, Any, Any]:
     beyond it. It is born once it is inside, and the one after it is a spacing further out. A site whose particles go out
     takes the place of the particle that dies there for the next one.
 
-    step_share: 1 where lists are made in the middle of a step, before the clock goes on to the time of the positions, else 0.
+    step_share: 1 where lists are made in the middle of a step, before the clock goes on to the time of positions, else 0.
 
     Blocks are stretches of sites, so that rows and numbers of the newborn do not depend on the number of threads. If there
     is no room for all, none is born and nothing crosses, and the loop stops until there is.

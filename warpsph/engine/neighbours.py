@@ -20,9 +20,9 @@ from warpsph.engine.population import Population
 from warpsph.errors import CapacityError
 from warpsph.kernels.core import cells, slack, visibility
 from warpsph.kernels.core.clock import make_judge
-from warpsph.kernels.core.flow_map import make_wrap
 from warpsph.kernels.core.leaks import make_in_cells, make_leaks, make_sunk
 from warpsph.kernels.core.mirror import code_shift, make_sides
+from warpsph.kernels.core.origins import make_wrap
 from warpsph.kernels.core.spec import Spec, types_of
 
 LARGEST_NARROW = 2**31 - 1  # entries that one 32-bit index reaches; beyond them the list is a wide one

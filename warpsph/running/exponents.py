@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import warp as wp
 
-from warpsph.kernels.core.flow_map import NEXT, SLOT, TURN_SIZE
-from warpsph.kernels.core.lyapunov import make_forward, make_seeds
+from warpsph.kernels.core.forward_map import make_forward, make_seeds
+from warpsph.kernels.core.origins import NEXT, SLOT, TURN_SIZE
 from warpsph.kernels.core.spec import types_of
 from warpsph.schemes.map_stages import EXPONENTS
 
