@@ -1,22 +1,25 @@
-"""A scheme of particles that go along a given plane flow, and are shifted on the way; for tests of what follows the flow."""
+"""Flows whose maps are known: a scheme of particles along one, which shifts them on the way, and vortices that decay."""
 
+import copy
 import functools
 from typing import Any
 
 import numpy as np
 import warp as wp
 
+from warpsph.case.case import Case
 from warpsph.case.numerics import NumericsBase
 from warpsph.engine.program import BuildList, KeepList, Program, Stage
-from warpsph.kernels.core.clock import STEP, STEPS, TIME, make_advance
+from warpsph.kernels.core.clock import FAULT, STEP, STEPS, TIME, make_advance
 from warpsph.kernels.core.fields import COMMON, FLOW
 from warpsph.kernels.core.pair import WRAPPED, list_access, separation_of
 from warpsph.kernels.core.params import make_params
 from warpsph.kernels.core.smoothing import make_smoothing
 from warpsph.kernels.core.spec import Spec, types_of
 from warpsph.kernels.core.updates import make_watch
+from warpsph.running.model import Model
 from warpsph.scene.physics import Physics, smoothing_ratio, support_radius
-from warpsph.schemes import map_stages
+from warpsph.schemes import map_stages, registry
 from warpsph.schemes.base import Scheme
 
 WANTED = ("rest_volume", "shift", "origin", "origin_change", "ftle_backward", "ftle_forward", "ftle_age", "ftle_way", "slip",
@@ -212,3 +215,87 @@ class Drifting(Scheme):
         ]
         measures = map_stages.exponents(spec)
         return Program(step=step, start=[BuildList("the first list"), *shift], advance=advance, measures=measures)
+
+
+# scenes ---------------------------------------------------------------------------------------------------------
+
+BOTH = ["backward", "forward"]
+WAVE = 2 * np.pi
+NU = 0.001
+VORTICES = {
+    "dimension": 2,
+    "particle_spacing": 1 / 32,
+    "end_time": 0.25,
+    "domain": {"lower": [0, 0], "upper": [1, 1], "boundary": {"x": "periodic", "y": "periodic"}},
+    "phases": {"water": {"density": 1.0, "viscosity": NU}},
+    "fluids": [{"phase": "water", "shape": "rest"}],
+    "start": {"velocity": ["sin(2*pi*x)*cos(2*pi*y)", "-cos(2*pi*x)*sin(2*pi*y)"], "arrangement": "lattice"},
+    "output": {"lyapunov": {"window": 0.2, "starts": 2, "direction": BOTH}},
+}
+
+
+def vortices(x, t):
+    """Velocity of the decaying vortices at (n, 2)."""
+    a, b = WAVE * x[:, 0], WAVE * x[:, 1]
+    decay = np.exp(-2 * NU * WAVE**2 * t)
+    return decay * np.stack([np.sin(a) * np.cos(b), -np.cos(a) * np.sin(b)], axis=1)
+
+
+def case_of(data, **changes):
+    """A case with changes by dotted path."""
+    return Case.from_dict(copy.deepcopy(data)).replace(changes)
+
+
+def along(flow, lower, upper, spacing, boundary, window, starts=2, device="cpu", threads=1, **keys):
+    """A model of particles that go along a flow, ready for its first step."""
+    if "drifting" in registry.names():
+        registry.unregister("drifting")
+    registry.register(Drifting(flow, **keys))
+    case = Case.from_dict(
+        {
+            "dimension": len(lower),
+            "precision": "float64",
+            "particle_spacing": spacing,
+            "end_time": 100.0,
+            "domain": {"lower": lower, "upper": upper, "boundary": dict.fromkeys("xyz"[: len(lower)], boundary)},
+            "phases": {"fluid": {"density": 1.0}},
+            "fluids": [{"phase": "fluid", "shape": "rest"}],
+            "start": {"arrangement": "lattice"},
+            "numerics": {"scheme": "drifting"},
+            "output": {"lyapunov": {"window": window, "starts": starts, "direction": BOTH}},
+        }
+    )
+    return prepared(case, device, threads)
+
+
+def prepared(case, device="cpu", threads=1):
+    """A model ready for its first step."""
+    model = Model(case, device=device, threads=threads)
+    model.stepper.prepare(fresh=True)
+    return model
+
+
+def at(model, time):
+    """The fluid at a later time."""
+    model.stepper.run(time, 10**6)
+    assert model.stepper.read()[1][FAULT] == 0
+    return model.snapshot().fluid
+
+
+def back(flow, x, end, start, steps=100):
+    """Where what is at x (n, 2) at one time was at an earlier one, or will be at a later one; Runge and Kutta."""
+    dt = (start - end) / steps
+    for k in range(steps):
+        t = end + k * dt
+        k1 = flow(x, t)
+        k2 = flow(x + dt / 2 * k1, t + dt / 2)
+        k3 = flow(x + dt / 2 * k2, t + dt / 2)
+        x = x + dt / 6 * (k1 + 2 * k2 + 2 * k3 + flow(x + dt * k3, t + dt))
+    return x
+
+
+def exponent(flow, x, end, start, apart):
+    """The exponent of the exact flow map at x (n, 2), from points that are `apart` [1/s]."""
+    sides = [np.array(e) * apart for e in ((1.0, 0.0), (0.0, 1.0))]
+    columns = [(back(flow, x + e, end, start) - back(flow, x - e, end, start)) / (2 * apart) for e in sides]
+    return np.log(np.linalg.svd(np.stack(columns, axis=2), compute_uv=False)[:, 0]) / abs(end - start)

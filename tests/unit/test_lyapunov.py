@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from tests.drifting import Drifting, double_gyre
+from tests.drifting import BOTH, VORTICES, along, at, back, case_of, double_gyre, exponent, prepared, vortices
 from tests.unit.test_open_sides import THROUGH
 from warpsph import Simulation
 from warpsph.case.case import Case
@@ -20,8 +20,6 @@ from warpsph.running.model import Model
 from warpsph.scene.physics import support_radius
 from warpsph.schemes import registry
 
-BOTH = ["backward", "forward"]
-
 
 @pytest.fixture(autouse=True)
 def known():
@@ -29,59 +27,6 @@ def known():
     yield
     if "drifting" in registry.names():
         registry.unregister("drifting")
-
-
-def along(flow, lower, upper, spacing, boundary, window, starts=2, device="cpu", threads=1, **keys):
-    """A model of particles that go along a flow, ready for its first step."""
-    registry.register(Drifting(flow, **keys))
-    case = Case.from_dict(
-        {
-            "dimension": len(lower),
-            "precision": "float64",
-            "particle_spacing": spacing,
-            "end_time": 100.0,
-            "domain": {"lower": lower, "upper": upper, "boundary": dict.fromkeys("xyz"[: len(lower)], boundary)},
-            "phases": {"fluid": {"density": 1.0}},
-            "fluids": [{"phase": "fluid", "shape": "rest"}],
-            "start": {"arrangement": "lattice"},
-            "numerics": {"scheme": "drifting"},
-            "output": {"lyapunov": {"window": window, "starts": starts, "direction": BOTH}},
-        }
-    )
-    return prepared(case, device, threads)
-
-
-def prepared(case, device="cpu", threads=1):
-    """A model ready for its first step."""
-    model = Model(case, device=device, threads=threads)
-    model.stepper.prepare(fresh=True)
-    return model
-
-
-def at(model, time):
-    """The fluid at a later time."""
-    model.stepper.run(time, 10**6)
-    assert model.stepper.read()[1][ck.FAULT] == 0
-    return model.snapshot().fluid
-
-
-def back(flow, x, end, start, steps=100):
-    """Where what is at x (n, 2) at one time was at an earlier one, or will be at a later one; Runge and Kutta."""
-    dt = (start - end) / steps
-    for k in range(steps):
-        t = end + k * dt
-        k1 = flow(x, t)
-        k2 = flow(x + dt / 2 * k1, t + dt / 2)
-        k3 = flow(x + dt / 2 * k2, t + dt / 2)
-        x = x + dt / 6 * (k1 + 2 * k2 + 2 * k3 + flow(x + dt * k3, t + dt))
-    return x
-
-
-def exponent(flow, x, end, start, apart):
-    """The exponent of the exact flow map at x (n, 2), from points that are `apart` [1/s]."""
-    sides = [np.array(e) * apart for e in ((1.0, 0.0), (0.0, 1.0))]
-    columns = [(back(flow, x + e, end, start) - back(flow, x - e, end, start)) / (2 * apart) for e in sides]
-    return np.log(np.linalg.svd(np.stack(columns, axis=2), compute_uv=False)[:, 0]) / abs(end - start)
 
 
 # flows whose exponent is known --------------------------------------------------------------------------------
@@ -167,32 +112,6 @@ def test_ridges_of_the_double_gyre(device):
 
 
 # schemes --------------------------------------------------------------------------------------------------------
-
-WAVE = 2 * np.pi
-NU = 0.001
-VORTICES = {
-    "dimension": 2,
-    "particle_spacing": 1 / 32,
-    "end_time": 0.25,
-    "domain": {"lower": [0, 0], "upper": [1, 1], "boundary": {"x": "periodic", "y": "periodic"}},
-    "phases": {"water": {"density": 1.0, "viscosity": NU}},
-    "fluids": [{"phase": "water", "shape": "rest"}],
-    "start": {"velocity": ["sin(2*pi*x)*cos(2*pi*y)", "-cos(2*pi*x)*sin(2*pi*y)"], "arrangement": "lattice"},
-    "output": {"lyapunov": {"window": 0.2, "starts": 2, "direction": BOTH}},
-}
-
-
-def vortices(x, t):
-    """Velocity of the decaying vortices at (n, 2)."""
-    a, b = WAVE * x[:, 0], WAVE * x[:, 1]
-    decay = np.exp(-2 * NU * WAVE**2 * t)
-    return decay * np.stack([np.sin(a) * np.cos(b), -np.cos(a) * np.sin(b)], axis=1)
-
-
-def case_of(data, **changes):
-    """A case with changes by dotted path."""
-    return Case.from_dict(copy.deepcopy(data)).replace(changes)
-
 
 @pytest.mark.parametrize("numerics", [
     {"scheme": "riemann"}, {"scheme": "delta_plus"}, {"scheme": "delta_plus", "integrator": "rk4"}, {"scheme": "isph"},

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from tests.drifting import VORTICES, case_of, exponent, vortices
 from tests.helpers import lattice
-from tests.unit.test_lyapunov import VORTICES, case_of, exponent, vortices
 from warpsph import Simulation
 from warpsph.cli import app
 from warpsph.errors import CaseError
