@@ -148,15 +148,16 @@ def test_without_shift_places_are_where_particles_began(device):
 def test_a_restart_goes_on_bit_by_bit(device, scheme):
     case = case_of(VORTICES, **{"particle_spacing": 1 / 16, "numerics": {"scheme": scheme}})
     model = prepared(case, device)
-    at(model, 0.12)
+    before = at(model, 0.12)
     state = model.save_state()
     first = at(model, 0.25)
     again = Model(case, device=device, threads=1, fresh=False)
     again.load_state(state)
     again.stepper.prepare(fresh=False)
-    second = at(again, 0.25)
+    here, second = again.snapshot().fluid, at(again, 0.25)
     for name in ("ftle_backward", "ftle_forward", "ftle_age", "ftle_way", "position"):
         np.testing.assert_array_equal(getattr(first, name), getattr(second, name))
+        np.testing.assert_array_equal(getattr(before, name), getattr(here, name))
     assert np.array_equal(model.particles.get("origin"), again.particles.get("origin"))
 
 

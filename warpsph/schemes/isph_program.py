@@ -54,7 +54,7 @@ def program(spec: Spec) -> Program:
         advance=advance(spec),
         first=first(spec),
         measures=measures,
-        keeps_list=False,
+        keeps_list=spec.windows > 0,  # an output of exponents right after a restart looks at it
         changes=crossing(spec, clock_follows=True),
     )
 
