@@ -24,7 +24,7 @@ from warpsph.snapshot import Snapshot
 from warpsph.study.plot import Frame, choose_frames, phase_names, read_frame, read_series, save_frames
 
 DIRECTIONS = ("backward", "forward")
-THIN = 0.2  # least eigenvalue of a neighbourhood over the mean of them, below which there is no gradient
+THIN = 0.025  # least eigenvalue of a neighbourhood over the mean of them, below which there is no gradient
 REACH = 3.0  # spacings within which particles are neighbours, the usual support of the schemes
 ROWS = 100_000  # particles that are worked on at a time
 
