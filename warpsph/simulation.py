@@ -187,7 +187,9 @@ class Simulation:
         particles = self.case.output.particles
         options: dict[str, Any] = {"precision": self.case.precision}
         if particles is not None:
-            options |= {"fields": particles.fields, "compress": particles.compress}
+            lyapunov = self.case.output.lyapunov
+            fields = particles.fields if lyapunov is None else (*particles.fields, *lyapunov.fields)
+            options |= {"fields": fields, "compress": particles.compress}
         return RunFolder(output, resume=resume, **options)
 
     def _write_case(self) -> None:

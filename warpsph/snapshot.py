@@ -36,7 +36,8 @@ class Stations:
 
 
 # Arrays with one row a particle that a scene may lack.
-OPTIONAL_FIELDS = ("normal", "curvature", "acceleration", "vorticity", "q_criterion")
+LYAPUNOV_FIELDS = ("ftle_backward", "ftle_forward", "ftle_age", "ftle_way")
+OPTIONAL_FIELDS = ("normal", "curvature", "acceleration", "vorticity", "q_criterion", *LYAPUNOV_FIELDS)
 
 
 @dataclass
@@ -84,6 +85,14 @@ class Snapshot:
     """(n,) dv/dx - du/dy, in 3-D (n, 3), 0 for walls [1/s]; None where nothing has asked for it"""
     q_criterion: np.ndarray | None = None
     """(n,) second invariant of the velocity gradient, 0 for walls [1/s^2]; None where nothing has asked for it"""
+    ftle_backward: np.ndarray | None = None
+    """(n,) backward finite-time Lyapunov exponent of the oldest window [1/s], 0 for walls, or None"""
+    ftle_forward: np.ndarray | None = None
+    """(n,) the forward one, which belongs to `position - ftle_way` [1/s], or None"""
+    ftle_age: np.ndarray | None = None
+    """(n,) time that both are of [s], or None"""
+    ftle_way: np.ndarray | None = None
+    """(n, dimension) way of the fluid in that time [m], or None"""
     extra: dict[str, float] = field(default_factory=dict)
     """scalars that the device measured at this moment, such as `interface_length` or `wall_force_x block`"""
     own: dict[str, np.ndarray] = field(default_factory=dict)

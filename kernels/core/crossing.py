@@ -12,9 +12,9 @@ from typing import Any
 
 import warp as wp
 
-from .clock import FAULT, FAULT_CAPACITY, LIVE, NEXT_ID, ROOM, RUNNING, WANTED
+from .clock import FAULT, FAULT_CAPACITY, LIVE, NEXT_ID, ROOM, RUNNING, STEP, TIME, WANTED
 from .fields import BUFFER, FLUID, NOBODY
-from .spec import Spec, types, types_of
+from .spec import Spec, origins_type, types, types_of
 
 MOST_SIDES = 2
 BLOCKS = {True: 64, False: 1024}  # stretches of particles that births are counted in, on a CPU and on a GPU
@@ -58,9 +58,29 @@ def make_open_side(precision: str) -> Any:
 
 
 @functools.cache
+def make_set_origins(spec: Spec) -> Any:
+    """Return the `wp.func` set_origins(x): the place x as that of the start of each window, see `flow_map`."""
+    vec = types_of(spec).vec
+    row = origins_type(spec)
+    dimension, windows = spec.dimension, max(spec.windows, 1)
+
+    @wp.func
+    def set_origins(x: vec):
+        result = row()
+        for window in range(wp.static(windows)):
+            for axis in range(wp.static(dimension)):
+                result[window * wp.static(dimension) + axis] = x[axis]
+        return result
+
+    return set_origins
+
+
+@functools.cache
 def make_fill(spec: Spec) -> tuple[Any, Any]:
     """Return the kernels that fill the buffers of a fresh start: (write the particles, count them in)."""
     real, vec, _, _ = types_of(spec)
+    row = origins_type(spec)
+    set_origins = make_set_origins(spec)
 
     @wp.kernel(module="unique", enable_backward=False)
     def fill_buffers(
@@ -75,9 +95,12 @@ def make_fill(spec: Spec) -> tuple[Any, Any]:
         particle_id: wp.array(dtype=int),
         zone: wp.array(dtype=wp.int8),
         alive: wp.array(dtype=wp.uint8),
+        origin: wp.array(dtype=row),
     ):
         k = wp.tid() + first
         i = counters[LIVE] + k
+        if wp.static(spec.windows > 0):
+            origin[i] = set_origins(fill_position[k])
         anchor[i] = fill_position[k]
         position[i] = fill_position[k]
         rest_volume[i] = cell_volume
@@ -114,10 +137,14 @@ def make_births(spec: Spec) -> tuple[Any, Any, Any]:
     beyond it. It is born once it is inside, and the one after it is a spacing further out. A site whose particles go out
     takes the place of the particle that dies there for the next one.
 
+    step_share: 1 where lists are made in the middle of a step, before the clock goes on to the time of positions, else 0.
+
     Blocks are stretches of sites, so that rows and numbers of the newborn do not depend on the number of threads. If there
     is no room for all, none is born and nothing crosses, and the loop stops until there is.
     """
     real, vec, _, pair = types_of(spec)
+    row = origins_type(spec)
+    set_origins = make_set_origins(spec)
     OpenSide = make_open_side(spec.precision)
     axis = spec.open_axis
 
@@ -171,6 +198,7 @@ def make_births(spec: Spec) -> tuple[Any, Any, Any]:
     def give_birth(
         first: int,
         crossing_blocks: int,
+        step_share: wp.float64,
         row_spacing: wp.float64,
         cell_volume: real,
         open_sides: wp.array(dtype=OpenSide),
@@ -198,18 +226,22 @@ def make_births(spec: Spec) -> tuple[Any, Any, Any]:
         row_speed: wp.array(dtype=real),
         zone: wp.array(dtype=wp.int8),
         alive: wp.array(dtype=wp.uint8),
+        clock: wp.array(dtype=wp.float64),
+        origin: wp.array(dtype=row),
+        origin_change: wp.array(dtype=row),
+        born: wp.array(dtype=real),
     ):
         block = wp.tid() + first
         if births[crossing_blocks] < 0:
             return
         sites = site_open.shape[0]
         chunk = (sites + crossing_blocks - 1) / crossing_blocks
-        born = births[block]
+        newborn = births[block]
         for k in range(wp.min(block * chunk, sites), wp.min((block + 1) * chunk, sites)):
             ahead = site_ahead[k]
             side = open_sides[site_side[k]]
             for _ in range(int(site_open[k]) * due(ahead, row_spacing)):
-                i = counters[LIVE] + born
+                i = counters[LIVE] + newborn
                 x = site_position[k]
                 x[axis] = side.face + side.outward * (side.depth - real(ahead))
                 anchor[i] = x
@@ -230,11 +262,16 @@ def make_births(spec: Spec) -> tuple[Any, Any, Any]:
                 if wp.static(spec.walls):
                     if i < wall_impact.shape[0]:  # which the Riemann scheme alone has
                         wall_impact[i] = real(0.0)
-                particle_id[i] = counters[NEXT_ID] + born
+                particle_id[i] = counters[NEXT_ID] + newborn
                 zone[i] = wp.int8(BUFFER + site_side[k])
                 alive[i] = wp.uint8(1)
+                if wp.static(spec.windows > 0):
+                    origin[i] = set_origins(x)
+                    born[i] = real(clock[TIME] + step_share * clock[STEP])
+                    if wp.static(spec.shifting):
+                        origin_change[i] = row()
                 ahead -= row_spacing
-                born += 1
+                newborn += 1
             if ahead < -row_spacing:
                 ahead += row_spacing * wp.floor(-ahead / row_spacing)
             site_ahead[k] = ahead
@@ -249,6 +286,7 @@ def make_crossing(spec: Spec) -> tuple[Any, Any]:
     It runs over blocks of particles, stretches of the rows before the newborn, each with the mass that crosses in it.
     """
     real, vec, _, _ = types_of(spec)
+    row = origins_type(spec)
     OpenSide = make_open_side(spec.precision)
     beyond = make_outward(spec.dimension, spec.precision)
     axis = spec.open_axis
@@ -271,6 +309,7 @@ def make_crossing(spec: Spec) -> tuple[Any, Any]:
         zone: wp.array(dtype=wp.int8),
         alive: wp.array(dtype=wp.uint8),
         crossed: wp.array(dtype=wp.float64),
+        origin_change: wp.array(dtype=row),
     ):
         block = wp.tid() + first
         for entry in range(2 * MOST_SIDES):
@@ -299,6 +338,8 @@ def make_crossing(spec: Spec) -> tuple[Any, Any]:
                         if wp.static(spec.shifting):
                             shift[i] = vec()
                             carried[i] = vec()
+                            if wp.static(spec.windows > 0):
+                                origin_change[i] = row()
 
     @wp.kernel(module="unique", enable_backward=False)
     def count_in(

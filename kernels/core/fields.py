@@ -10,7 +10,7 @@ from typing import Any
 
 import warp as wp
 
-from .spec import Spec, types_of
+from .spec import Spec, origins_type, types_of
 
 NOBODY, FLUID, BUFFER = 0, 1, 2  # of `zone`; BUFFER + k is the buffer of the open side k
 
@@ -90,13 +90,29 @@ def flow_through(spec: Spec) -> bool:
     return spec.open_axis >= 0
 
 
+def windowed(spec: Spec) -> bool:
+    """Runs that follow where particles were at the start of windows of time."""
+    return spec.windows > 0
+
+
+def windowed_shifting(spec: Spec) -> bool:
+    """Those of them that shift particles."""
+    return spec.windows > 0 and spec.shifting
+
+
+def windowed_changing(spec: Spec) -> bool:
+    """Those of them in which particles are born."""
+    return spec.windows > 0 and spec.changing
+
+
 @dataclasses.dataclass(frozen=True)
 class Field:
     """One particle field.
 
     Attributes:
         name: also the argument name in kernels.
-        kind: "real", "vec", "mat", "pair" (pressure, volume), "int8", "uint8", "int16" or "int32".
+        kind: "real", "vec", "mat", "pair" (pressure, volume), "int8", "uint8", "int16", "int32",
+            or "origins", a place for each window.
         rows: "fluid", "wall" or "all"; fluid rows come before wall rows.
         kept: part of the state between steps: follows the sort and is written to checkpoints.
         exists: whether a `Spec` has the field.
@@ -117,6 +133,8 @@ class Field:
     def dtype(self, spec: Spec) -> Any:
         """Return the Warp element type for a `Spec`."""
         named = {"int8": wp.int8, "uint8": wp.uint8, "int16": wp.int16, "int32": wp.int32}
+        if self.kind == "origins":
+            return origins_type(spec)
         return named.get(self.kind) or getattr(types_of(spec), self.kind)
 
 
@@ -166,5 +184,12 @@ FLOW: tuple[Field, ...] = (
     Field("surface_velocity", "vec", "wall", False, bodies, "m/s", "of the fluid at the foot, for the first layer"),
     Field("surface_bend", "vec", "wall", False, bodies, "1/(m s)", "half the second derivative of v along the normal"),
     Field("mirror_velocity", "vec", "wall", True, depths, "m/s", "velocity that friction on the wall sees"),
+    Field("origin", "origins", "fluid", True, windowed, "m", "place at the start of each window, see `flow_map`"),
+    Field("origin_change", "origins", "fluid", True, windowed_shifting, "m", "what the coming shift makes of it"),
+    Field("born", "real", "fluid", True, windowed_changing, "s", "time of birth"),
+    Field("ftle_backward", "real", "fluid", False, windowed, "1/s", "backward Lyapunov exponent", True),
+    Field("ftle_forward", "real", "fluid", False, windowed, "1/s", "forward Lyapunov exponent", True),
+    Field("ftle_age", "real", "fluid", False, windowed, "s", "time that both are of", True),
+    Field("ftle_way", "vec", "fluid", False, windowed, "m", "way in that time", True),
 )
 """fields of a scheme of fluid flow"""

@@ -56,6 +56,7 @@ class Spec:
         changing: particles are born or die.
         open_axis: axis whose sides are inlets or outlets, -1 for none; with any the number of particles changes.
         sponge: layers next to inlets or outlets damp the flow.
+        windows: windows of time whose Lyapunov exponents are followed at once, see `flow_map`; 0: none.
         mirror: sides of the domain are walls made of mirror images (isph).
         second_order: BDF2 in time instead of the first-order projection (isph).
         implicit_viscosity: the viscous term is stabilised by an implicit solve (isph).
@@ -114,6 +115,7 @@ class Spec:
     changing: bool = False
     open_axis: int = -1
     sponge: bool = False
+    windows: int = 0
     row_list: bool = True
     wide_list: bool = False
 
@@ -142,3 +144,8 @@ def types(dimension: int, precision: str) -> Types:
 def types_of(spec: Spec) -> Types:
     """Return the Warp types of a `Spec`."""
     return types(spec.dimension, spec.precision)
+
+
+def origins_type(spec: Spec) -> Any:
+    """Return the Warp type of where a particle was at the start of each window: the places one after the other."""
+    return wp.types.vector(length=max(spec.windows, 1) * spec.dimension, dtype=types_of(spec).real)

@@ -75,6 +75,10 @@ def test_vtp_is_read_back_by_pyvista(tmp_path, dimension, precision, real, compr
         acceleration=np.ones((n, dimension)),
         vorticity=np.arange(float(n)) if dimension == 2 else np.arange(3.0 * n).reshape(n, 3),
         q_criterion=-np.arange(float(n)),
+        ftle_backward=np.arange(n) * 0.2,
+        ftle_forward=np.arange(n) * 0.3,
+        ftle_age=np.full(n, 0.4),
+        ftle_way=np.full((n, dimension), 0.5),
     )
     path = tmp_path / "fluid_000000.vtp"
     size = write_vtp(path, particles, PARTICLE_FIELDS, precision, compress)

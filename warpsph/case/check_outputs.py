@@ -25,8 +25,22 @@ def check_output(case: Any, _folder: Path | None, _raw: Any) -> Problems:
 
     parts = (("particles", lambda: case.output.particles), ("checkpoint", lambda: case.output.checkpoint))
     yield from guarded(particles())
+    yield from guarded(_check_lyapunov(case))
     for name, read in parts:
         yield from guarded(check_often(case, f"output.{name}.interval", read))
+
+
+def _check_lyapunov(case: Any) -> Problems:
+    """Exponents are fields of particle files, and a scheme has to follow where particles were."""
+    if case.output.lyapunov is None:
+        return
+    path = "output.lyapunov"
+    if not case.scheme.follows_origins:
+        rule = f"scheme: {case.scheme.name} does not follow where particles were"
+        yield Problem(path, case.output.lyapunov.window, rule, "take another scheme, or delete it")
+    if case.output.particles is None:
+        rule = "is written to particle files, and there are none"
+        yield Problem(path, case.output.lyapunov.window, rule, "delete it, or write output.particles")
 
 
 def check_interface_fields(case: Any, path: str, fields: Sequence[str]) -> Problems:

@@ -38,10 +38,14 @@ FIELD_UNITS = {
     "normal": "1",
     "vorticity": "1/s",
     "q_criterion": "1/s^2",
+    "ftle_backward": "1/s",
+    "ftle_forward": "1/s",
+    "ftle_age": "s",
+    "ftle_way": "m",
 }
 """Fields that can be sampled, and their units (3-D)."""
 
-VECTOR_FIELDS = ("velocity", "acceleration", "normal")
+VECTOR_FIELDS = ("velocity", "acceleration", "normal", "ftle_way")
 
 
 @dataclass(frozen=True)

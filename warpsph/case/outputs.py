@@ -75,6 +75,30 @@ class CheckpointOutput(CaseModel):
     )
 
 
+DIRECTIONS = ("backward", "forward")
+MOST_STARTS = 16  # windows at once: each costs memory and work on every particle
+
+
+class LyapunovOutput(CaseModel):
+    """Finite-time Lyapunov exponents of the flow, as fields of the particle files."""
+
+    window: PositiveNumber = Field(description="time over which the fluid is followed, s", examples=["2.0"])
+    starts: Annotated[int, NumberRule(least=1, most=MOST_STARTS, integer=True)] = Field(
+        default=4, description="windows that run at once; one begins every window/starts", examples=["4"]
+    )
+    direction: Annotated[tuple[str, ...], field_list(DIRECTIONS), schema_of_fields(DIRECTIONS)] = Field(
+        default=("backward",),
+        description="backward: how far apart neighbours were (attracting structures); forward: how far apart what was "
+        "together is now (repelling ones)",
+        examples=["[backward, forward]"],
+    )
+
+    @property
+    def fields(self) -> tuple[str, ...]:
+        """Names of the fields in particle files."""
+        return (*(f"ftle_{name}" for name in self.direction), "ftle_age", "ftle_way")
+
+
 def _none_word(value: Any) -> Any:
     """`none` switches an output off."""
     return None if isinstance(value, str) and value == "none" else value
@@ -92,4 +116,9 @@ class Output(CaseModel):
         default=None,
         description="restart files; none: not written (default: 10 times a run)",
         examples=["{interval: 0.5}"],
+    )
+    lyapunov: Annotated[LyapunovOutput | None, AlsoWritten(_none_word, {"const": "none"})] = Field(
+        default=None,
+        description="Lyapunov exponents in the particle files (default: none)",
+        examples=["{window: 2.0}"],
     )

@@ -10,6 +10,7 @@ or a list cannot grow, 6 validate: a reference was missed or a run failed, 7 the
 import typer
 
 from warpsph.cli.case_commands import check, new, schema, show
+from warpsph.cli.ftle_command import ftle
 from warpsph.cli.info_command import info
 from warpsph.cli.plot_command import plot
 from warpsph.cli.run_command import run
@@ -26,7 +27,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 # In the order of `--help`.
-for command in (run, check, show, new, schema, plot, validate, info):
+for command in (run, check, show, new, schema, plot, ftle, validate, info):
     app.command()(command)
 
 

@@ -22,6 +22,7 @@ from warpsph.kernels.core import cells, slack, visibility
 from warpsph.kernels.core.clock import make_judge
 from warpsph.kernels.core.leaks import make_in_cells, make_leaks, make_sunk
 from warpsph.kernels.core.mirror import code_shift, make_sides
+from warpsph.kernels.core.origins import make_wrap
 from warpsph.kernels.core.spec import Spec, types_of
 
 LARGEST_NARROW = 2**31 - 1  # entries that one 32-bit index reaches; beyond them the list is a wide one
@@ -232,7 +233,10 @@ class NeighbourList:
         spec = self.spec
         launcher, bindings, particles = self.launcher, self.bindings, self.particles
         n, fluid, wall = particles.capacity, particles.fluid_capacity, particles.wall_count
-        tasks = [launcher.task("keys", cells.make_keys(spec), fluid, bindings, special={"moving": int(moving)})]
+        tasks = []
+        if spec.windows and any(spec.periodic) and moving:
+            tasks.append(launcher.task("keys", make_wrap(spec), fluid, bindings))
+        tasks.append(launcher.task("keys", cells.make_keys(spec), fluid, bindings, special={"moving": int(moving)}))
         if wall:
             still = int(moving and spec.moving)
             tasks.append(launcher.task("keys", cells.make_keys(spec), wall, bindings, fluid, special={"moving": still}))

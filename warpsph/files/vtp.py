@@ -234,6 +234,10 @@ def read_vtp(path: Path, dimension: int = 3) -> Snapshot:
         acceleration=arrays.get("acceleration"),
         vorticity=arrays.get("vorticity"),
         q_criterion=arrays.get("q_criterion"),
+        ftle_backward=arrays.get("ftle_backward"),
+        ftle_forward=arrays.get("ftle_forward"),
+        ftle_age=arrays.get("ftle_age"),
+        ftle_way=arrays.get("ftle_way"),
     )
 
 

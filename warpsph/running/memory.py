@@ -151,6 +151,7 @@ def on_device(case: Case, spec: Spec, fluid: int, walls: int, support: float, sk
     fluid += buffered(case, spec, support, skin, lattice)
     real = 8 if spec.precision == "float64" else 4
     size = {"real": real, "vec": spec.dimension * real, "mat": spec.dimension**2 * real, "pair": 2 * real}
+    size["origins"] = spec.windows * size["vec"]
     size.update(int8=1, uint8=1, int16=2, int32=4)
     rows = {"fluid": fluid, "wall": walls, "all": fluid + walls}
     fields = [field for field in case.scheme.fields() if field.exists(spec)]
@@ -197,6 +198,7 @@ def _structure(case: Case, found: Count, row_list: bool) -> Spec:
         scheme=case.numerics.scheme,
         changing=case.has_flow_through,
         open_axis=open_axis(case),
+        windows=0 if case.output.lyapunov is None else case.output.lyapunov.starts,
         row_list=row_list,
     )
 

@@ -31,6 +31,7 @@ from warpsph.kernels.core.time_signals import FORCING_SIZE, depends_on_time
 from warpsph.measure.totals import Scene, eos_of_run
 from warpsph.running import memory
 from warpsph.running.device_sums import DeviceSums
+from warpsph.running.exponents import KEPT, window_values
 from warpsph.running.flow_fields import FlowFields
 from warpsph.running.state_copy import copy_state
 from warpsph.running.surface_stress import SurfaceStress
@@ -145,6 +146,8 @@ class Model:
             self._fill_surface(geometry.surface)
         if "slip" in particles.arrays:
             particles.put("slip", geometry.wall_slip[nf:])
+        if "origin" in particles.arrays:
+            particles.put("origin", np.tile(geometry.position[:nf], (1, self.physics.spec.windows)))
         self.scheme.fill(particles, case, geometry, self.physics)
 
     def _fill_surface(self, surface: Surroundings) -> None:
@@ -184,6 +187,7 @@ class Model:
             "params": params,
             "sides": self._sides(),
             **self._signals(),
+            **window_values(case, spec, self.device),
             "phases": wp.array(phases, dtype=make_phase(spec.precision), device=self.device),
             "tension": wp.array(physics.tension.ravel(), dtype=real, device=self.device),
             "phase_count": len(case.phases),
@@ -475,7 +479,7 @@ class Model:
 
     def _kept_arrays(self) -> list[str]:
         """Return the names of the arrays beside the fields that a restart goes on from."""
-        return [name for name in self.scheme.kept if name in self.stepper.bindings]
+        return [name for name in (*self.scheme.kept, *KEPT) if name in self.stepper.bindings]
 
     def _make_room(self, state: dict[str, np.ndarray]) -> None:
         """Make room for the particles of a saved state, of which there may be more than at the start, or fewer."""

@@ -11,8 +11,9 @@ import warp as wp
 
 from warpsph.kernels.core import clock as ck
 from warpsph.kernels.core.fields import FLUID as IN_FLUID
+from warpsph.running.exponents import find_exponents
 from warpsph.running.flow_fields import DERIVED
-from warpsph.snapshot import FLUID, OPTIONAL_FIELDS, WALL, Snapshot
+from warpsph.snapshot import FLUID, LYAPUNOV_FIELDS, OPTIONAL_FIELDS, WALL, Snapshot
 
 if TYPE_CHECKING:
     from warpsph.running.model import Model
@@ -31,6 +32,7 @@ SOURCES = {
     "curvature": ("curvature",),
     "vorticity": ("vorticity",),
     "q_criterion": ("q_criterion",),
+    **{name: (name,) for name in LYAPUNOV_FIELDS},
 }
 EVERYTHING = frozenset(SOURCES) - {*DERIVED}
 
@@ -127,7 +129,7 @@ class StateCopy:
             return self._fluid_and_walls(self._rest_density() * arrays["rest_volume"], wall_density * wall_volume)
         if name == "volume":
             return self._fluid_and_walls(self._rest_density() * arrays["rest_volume"] / self._density(), wall_volume)
-        if name in ("curvature", "q_criterion") or (name == "vorticity" and spec.dimension == 2):
+        if name in ("curvature", "q_criterion", "vorticity", *LYAPUNOV_FIELDS) and arrays[name].ndim == 1:
             return self._fluid_and_walls(arrays[name], 0.0)
         source = "anchor" if name == "position" else name
         result = np.zeros((n, 3 if name == "vorticity" else spec.dimension))
@@ -161,6 +163,11 @@ def copy_state(model: Model, wanted: Iterable[str] = EVERYTHING, rows: np.ndarra
     names = {source for name in wanted for source in SOURCES[name]}
     if spec.tension == "none":
         names -= {"normal", "curvature"}
+    lyapunov = model.case.output.lyapunov
+    asked = () if lyapunov is None else lyapunov.fields
+    names -= {*LYAPUNOV_FIELDS} - {*asked}
+    if names & {*LYAPUNOV_FIELDS}:
+        find_exponents(model)
     names |= {"phase", "alive", "zone", *model.scheme.shown}
     if spec.moving and "position" in wanted:
         names |= {"position"}

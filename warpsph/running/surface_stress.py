@@ -59,9 +59,8 @@ class SurfaceStress:
 
         normal, area = get("wall_normal"), get("wall_area")
         foot = get("position") + normal * get("wall_depth")[:, None]
-        load, friction = (
-            np.asarray(self.stepper.bindings[name].numpy()[rows], np.float64) / area[:, None] for name in ("load", "friction")
-        )
+        bindings = self.stepper.bindings
+        load, friction = (np.asarray(bindings[name].numpy()[rows], np.float64) / area[:, None] for name in ("load", "friction"))
         pressure = np.einsum("ij,ij->i", friction - load, normal)
         centre = self.loads.centre(body)
         along = angle = None

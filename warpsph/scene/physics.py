@@ -112,7 +112,10 @@ def derive(case: Case, geometry: Geometry, row_list: bool = True) -> Physics:
     """
     derived: Physics = checked(case.scheme.derive)(case, geometry, row_list)
     _check_surface_gauges(case, derived)
-    return derived
+    lyapunov = case.output.lyapunov
+    if lyapunov is None:
+        return derived
+    return dataclasses.replace(derived, spec=dataclasses.replace(derived.spec, windows=lyapunov.starts))
 
 
 def _check_surface_gauges(case: Case, physics: Physics) -> None:

@@ -38,6 +38,7 @@ class Scheme:
         shown: names of fields that a snapshot carries in `own`, beside those of every scheme.
         work: names of arrays beside the fields that kernels ask for and that may be absent.
         kept: names of arrays beside the fields that a restart goes on from, where a run has them.
+        follows_origins: its program has the stages of `map_stages`, which Lyapunov exponents need.
         open_sides: sides of the domain may be inlets and outlets.
         free_pressure: all of them may give a velocity, so that the pressure is known but for a constant.
     """
@@ -53,6 +54,7 @@ class Scheme:
     shown: tuple[str, ...] = ()
     work: frozenset[str] = frozenset()
     kept: tuple[str, ...] = ()
+    follows_origins: bool = False
     open_sides: bool = False
     free_pressure: bool = False
 

@@ -14,13 +14,14 @@ from warpsph.kernels.delta.delta_fields import ADVANCED
 from warpsph.kernels.delta.delta_load import make_delta_load
 from warpsph.kernels.delta.delta_momentum import make_delta_momentum
 from warpsph.kernels.riemann.volume import make_volume
+from warpsph.schemes.map_stages import exponents, follow_shift, windows
 from warpsph.schemes.open_stages import buffer_gradient, closed_sides, crossing, fill, open_flow, sponge
 from warpsph.schemes.wall_stages import bodies, moving_sides, signals, surface_load, walls, walls_ahead
 
 
 def program(spec: Spec) -> Program:
     """Return what runs for a `Spec`."""
-    measures: dict[str, list[Node]] = {}
+    measures: dict[str, list[Node]] = {**exponents(spec)}
     if spec.walls:
         measures["wall_load"] = [*signals(spec), *load(spec)]
     if spec.bodies:
@@ -41,6 +42,7 @@ def leapfrog(spec: Spec) -> list[Node]:
         *signals(spec),
         *moving_sides(spec),
         *bodies(spec, MIDDLE, speed=1),
+        *windows(spec),
         Stage("drift", make_delta_drift(spec), "fluid", "moves the particles"),
         *walls_ahead(spec),
         Stage("continuity", make_delta_continuity(spec), "fluid", "rate of the density, with its diffusion"),
@@ -51,6 +53,7 @@ def leapfrog(spec: Spec) -> list[Node]:
         *volume(spec),
         *buffer_gradient(spec, spec.density_diffusion),
         momentum(spec),
+        *follow_shift(spec),
         *sponge(spec),
         advance(spec),
         KeepList(),
@@ -73,12 +76,14 @@ def runge_kutta(spec: Spec) -> list[Node]:
     settle = Stage("settle", make_delta_shift(spec), "fluid", "shift of the particles, mean pressure")
     advanced = {"velocity": offset, "density_rate": excess, "acceleration": velocity}
     return [
+        *windows(spec),
         *integrators.rk4(spec, advanced, rates, [held]),
         *([settle] if spec.shifting or spec.volume_constraint else []),
         state(spec, closing=0),
         *walls(spec),
         *volume(spec),
         momentum(spec),
+        *follow_shift(spec),
         integrators.watch(spec),
         advance(spec),
         KeepList(),
@@ -98,6 +103,7 @@ def start(spec: Spec) -> list[Node]:
         *walls(spec),
         *buffer_gradient(spec, spec.density_diffusion),
         momentum(spec),
+        *follow_shift(spec),
     ]
 
 
@@ -165,6 +171,8 @@ def absent(spec: Spec) -> list[Absent]:
         rows.append(Absent("tension control", "numerics.tension_control is false"))
     if not spec.shifting:
         rows.append(Absent("shift", "numerics.shifting is 0"))
+    if not spec.windows:
+        rows.append(Absent("turn_windows, carry_origins, follow_shift", "output.lyapunov is not asked for"))
     if not spec.volume_constraint:
         reason = "a free surface, inlets and outlets, or numerics.volume_constraint is false"
         rows.append(Absent("volume", reason))

@@ -31,6 +31,7 @@ class DeltaScheme(FlowThrough):
     numerics = DeltaNumerics
     usual_ratio = 2.0
     shifts = True
+    follows_origins = True
     # velocity_old is of the wall stage, which knows schemes of two time levels, wall_impact of births
     work = frozenset({"load", "friction", "velocity_old", "phase", "wall_impact"})
 

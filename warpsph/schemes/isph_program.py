@@ -33,6 +33,7 @@ from warpsph.kernels.isph.pressure import make_accept, make_assemble, make_corre
 from warpsph.kernels.isph.projection import make_advect, make_predict, make_settle
 from warpsph.kernels.isph.regularise import make_regularise
 from warpsph.kernels.isph.surface import make_surface
+from warpsph.schemes.map_stages import exponents, follow_shift, windows
 from warpsph.schemes.open_stages import crossing, fill
 
 # Solves of the first step: the pressure equation refers to the last pressure gradient, which is not known yet.
@@ -41,7 +42,7 @@ FIRST_PASSES = 8  # each leaves a tenth of the error
 
 def program(spec: Spec) -> Program:
     """Return what runs for a `Spec`; the list is made in the middle of a step."""
-    measures: dict[str, list[Node]] = {}
+    measures: dict[str, list[Node]] = {**exponents(spec)}
     if spec.bodies:
         measures["wall_load"] = [
             Stage("wall_fit", make_wall_fit(spec, across=True), "wall", "wall-force gauge: fit of pressure and velocity"),
@@ -54,8 +55,8 @@ def program(spec: Spec) -> Program:
         advance=advance(spec),
         first=first(spec),
         measures=measures,
-        keeps_list=False,
-        changes=crossing(spec),
+        keeps_list=spec.windows > 0,  # an output of exponents right after a restart looks at it
+        changes=crossing(spec, clock_follows=True),
     )
 
 
@@ -141,7 +142,10 @@ def signals(spec: Spec) -> list[Stage]:
 
 def move(spec: Spec) -> list[Stage]:
     """Return the stage before the neighbour list of the step."""
-    stages = [Stage("advect", make_advect(spec), "fluid", "moves the particles; the list is built after it")]
+    stages = [
+        *windows(spec),
+        Stage("advect", make_advect(spec), "fluid", "moves the particles; the list is built after it"),
+    ]
     if spec.open_axis >= 0:
         sites, rows = make_rows(spec)
         before = [
@@ -254,6 +258,7 @@ def finish(spec: Spec) -> list[Stage]:
         *open_velocity(spec),
         *continued(spec, "velocity"),
         Stage("regularise", make_regularise(spec), "fluid", "divergence left over, shift of the particles"),
+        *follow_shift(spec),
     ]
     if not spec.second_order:
         stages.append(Stage("settle", make_settle(spec), "fluid", "positions from the mean of both velocities"))
@@ -294,6 +299,8 @@ def absent(spec: Spec) -> list[Absent]:
         rows.append(Absent("signals", "nothing depends on time"))
     if not spec.shifting:
         rows.append(Absent("shift", "numerics.shifting is 0"))
+    if not spec.windows:
+        rows.append(Absent("turn_windows, carry_origins, follow_shift", "output.lyapunov is not asked for"))
     if spec.second_order:
         rows.append(Absent("settle", "BDF2 moves the particles with both velocities before the solve"))
     if spec.open_axis < 0:

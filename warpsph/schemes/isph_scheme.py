@@ -35,6 +35,7 @@ class IsphScheme(FlowThrough):
     mirrors_sides = True
     skin = 0.001  # the list is made anew in every step
     shifts = True
+    follows_origins = True
     free_pressure = True
     # the last one is that of wall impacts, of which births know
     work = frozenset({"load", "friction", "wall_impact"})

@@ -6,6 +6,8 @@ what holds there, and sponges, too.
 
 from __future__ import annotations
 
+import warp as wp
+
 from warpsph.engine.program import Absent, Stage
 from warpsph.kernels.core.buffer_gradient import make_buffer_gradient
 from warpsph.kernels.core.crossing import BLOCKS, make_births, make_crossing, make_fill
@@ -24,8 +26,11 @@ def fill(spec: Spec) -> list[Stage]:
     ]
 
 
-def crossing(spec: Spec) -> list[Stage]:
-    """Return the stages that let particles in and out, before a list is made."""
+def crossing(spec: Spec, clock_follows: bool = False) -> list[Stage]:
+    """Return the stages that let particles in and out, before a list is made.
+
+    clock_follows: the list is made in the middle of a step, before the clock goes on to the time of the positions.
+    """
     if spec.open_axis < 0:
         return []
     count, place, write = make_births(spec)
@@ -34,7 +39,7 @@ def crossing(spec: Spec) -> list[Stage]:
     return [
         Stage("births", count, blocks, "rows of the inlets that go on"),
         Stage("births_place", place, "one", "is there room for them"),
-        Stage("births_write", write, blocks, "new particles of these rows"),
+        Stage("births_write", write, blocks, "new particles of these rows", {"step_share": wp.float64(clock_follows)}),
         Stage("crossing", cross, blocks, "fluid that comes in and goes out"),
         Stage("crossing_count", count_in, "one", "counts particles and mass"),
     ]

@@ -20,13 +20,14 @@ from warpsph.kernels.riemann.interface_flow import make_interface_flow
 from warpsph.kernels.riemann.load import make_load
 from warpsph.kernels.riemann.momentum import make_momentum
 from warpsph.kernels.riemann.volume import make_volume
+from warpsph.schemes.map_stages import exponents, follow_shift, windows
 from warpsph.schemes.open_stages import buffer_gradient, closed_sides, crossing, fill, open_flow, sponge
 from warpsph.schemes.wall_stages import bodies, moving_sides, signals, surface_load, walls, walls_ahead
 
 
 def program(spec: Spec) -> Program:
     """Return what runs for a `Spec`."""
-    measures: dict[str, list[Node]] = {"interface": []}
+    measures: dict[str, list[Node]] = {"interface": [], **exponents(spec)}
     if spec.interface and spec.tension == "none":
         measures["interface"] = [*geometry(spec)]
     if spec.walls:
@@ -49,6 +50,7 @@ def step(spec: Spec) -> list[Node]:
         *signals(spec),
         *moving_sides(spec),
         *bodies(spec, MIDDLE, speed=1),
+        *windows(spec),
         Stage("kick_drift", make_kick_drift(spec), "fluid", "moves the particles"),
         *sides(spec),
         *walls_ahead(spec),
@@ -59,6 +61,7 @@ def step(spec: Spec) -> list[Node]:
         *([Rarely(rare)] if rare else []),
         *buffer_gradient(spec, spec.bodies and spec.corrected),
         Stage("momentum", make_momentum(spec), "fluid", "acceleration from star pressures"),
+        *follow_shift(spec),
         *sponge(spec),
         advance(spec),
         KeepList(),
@@ -95,6 +98,7 @@ def start(spec: Spec) -> list[Node]:
         *tension(spec),
         *buffer_gradient(spec, spec.bodies and spec.corrected),
         Stage("momentum", make_momentum(spec), "fluid", "first acceleration"),
+        *follow_shift(spec),
     ]
 
 
@@ -173,6 +177,8 @@ def absent(spec: Spec) -> list[Absent]:
         rows.append(Absent("gradient correction", "the conservative pressure gradient needs none"))
     if not spec.volume_constraint:
         rows.append(Absent("volume", "the pressure level is fixed by a free surface or by the conservative gradient"))
+    if not spec.windows:
+        rows.append(Absent("turn_windows, carry_origins, follow_shift", "output.lyapunov is not asked for"))
     if not spec.room:
         rows.append(Absent("room", "a free surface, or numerics has no corrected gradient, no shifting or no room_rate"))
     if not spec.momentum_constraint:

@@ -30,6 +30,7 @@ class RiemannScheme(FlowThrough):
     summary = "weakly compressible Riemann SPH, any number of phases"
     numerics = RiemannNumerics
     printed_ratio = 1.25
+    follows_origins = True
     # the last of the wall stage, which knows schemes of two time levels
     work = frozenset({"load", "friction", "velocity_old"})
 

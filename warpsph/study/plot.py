@@ -376,6 +376,19 @@ def _draw_particles(
     return figure
 
 
+def save_frames(
+    frames: list[Frame], field: str, path: Path, names: list[str], slice_axis: str | None = None
+) -> Path:
+    """Draw frames as panels of one picture, a slice of them in 3-D, and return its path; arguments as of `plot_run`.
+
+    Raises CaseError if a frame has no such field, OutputError if the file cannot be written.
+    """
+    corners = [corners_of(frame) for frame in frames]
+    lower, upper = (np.array(ends) for ends in zip(*corners, strict=True))
+    view = view_of(lower.min(axis=0), upper.max(axis=0), frames[0].fluid.particle_spacing, slice_axis)
+    return _save(_draw_particles([view.cut(frame) for frame in frames], view, field, names, None), path)
+
+
 def draw_frame(panel: "Axes", view: View, frame: Frame, values: np.ndarray, scale: ColourScale) -> None:
     """Draw a frame that is cut to the view: in 2-D its particles as discs, in 3-D what the slice meets.
 
