@@ -60,8 +60,9 @@ class SurfaceStress:
         normal, area = get("wall_normal"), get("wall_area")
         foot = get("position") + normal * get("wall_depth")[:, None]
         bindings = self.stepper.bindings
-        load, friction = (np.asarray(bindings[name].numpy()[rows], np.float64) / area[:, None] for name in ("load", "friction"))
-        pressure = np.einsum("ij,ij->i", friction - load, normal)
+        stress = {name: np.asarray(bindings[name].numpy()[rows], np.float64) / area[:, None] for name in ("load", "friction")}
+        friction = stress["friction"]
+        pressure = np.einsum("ij,ij->i", friction - stress["load"], normal)
         centre = self.loads.centre(body)
         along = angle = None
         if order.arc is not None:
