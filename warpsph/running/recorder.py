@@ -10,6 +10,7 @@ import numpy as np
 
 from warpsph.measure.gauges import GaugeSet
 from warpsph.measure.probes import sample
+from warpsph.running.budgets import budget
 from warpsph.running.device_sums import Nearby
 from warpsph.running.state_copy import SOURCES, StateCopy, copy_state
 
@@ -61,6 +62,8 @@ class Recorder:
             extra.update(model.wall_forces())
         if "flow_rate" in needs.extra:
             extra.update(model.flow_rates())
+        if "budget" in needs.extra:
+            extra.update(budget(model.stepper.bindings, model.case.dimension))
         around = None
         if needs.samples:
             points = self.gauges.sample_points

@@ -39,6 +39,7 @@ class Scheme:
         work: names of arrays beside the fields that kernels ask for and that may be absent.
         kept: names of arrays beside the fields that a restart goes on from, where a run has them.
         open_sides: sides of the domain may be inlets and outlets.
+        budgets: a gauge of type budget can follow where momentum and energy come from and go.
         free_pressure: all of them may give a velocity, so that the pressure is known but for a constant.
     """
 
@@ -55,6 +56,7 @@ class Scheme:
     kept: tuple[str, ...] = ()
     open_sides: bool = False
     free_pressure: bool = False
+    budgets: bool = False
 
     # a case ------------------------------------------------------------------------------------------------------------
 

@@ -113,6 +113,7 @@ def derive(case: Case, geometry: Geometry, row_list: bool) -> Physics:
         tension_control=bool(control),
         volume_constraint=bool(held),
         artificial_viscosity=choices["artificial"] > 0,
+        budget=any(gauge.type == "budget" for gauge in case.gauges.values()),
         runge_kutta=rk4,
         shift_form=str(shift_form) if float(shifting) > 0 else "",
         row_list=row_list,
