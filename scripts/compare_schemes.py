@@ -1,15 +1,15 @@
-"""Which scheme should a user take? Error against seconds of Riemann SPH and projection ISPH in three scenes.
+"""Which scheme should a user take? Error against seconds of Riemann SPH, projection ISPH and delta-plus-SPH in three scenes.
 
     python scripts/compare_schemes.py [--device cpu|cuda:0] [--threads N] [--precision float32|float64]
                                       [--only elliptic dam taylor] [--finer 1] [--json FILE]
 
-Scenes are those of `cases/`, each with both schemes at two resolutions (`--finer 2` halves the spacings of all):
+Scenes are those of `cases/`, each with all schemes at two resolutions (`--finer 2` halves the spacings of all):
 
 * elliptic drop: largest error of both semi-axes over all times to 0.02 s, and root mean square of the error of the centre
   pressure over the start value, both against the exact solution;
 * dam break, to 0.25 s, before the front meets the far wall: energy that is lost over the potential energy of the start,
   where an ideal fluid loses none (below 0: it gains), and root mean square of the relative distance of the front from the
-  experiment, which an ideal fluid outruns by 10 to 20 %: no error of a scheme, but of both alike;
+  experiment, which an ideal fluid outruns by 10 to 20 %: no error of a scheme, but of all alike;
 * Taylor-Green from a disordered start, to t = 2: l1 error of the speed and largest error of its decay.
 
 Seconds are those of the run without set-up, with the kernels in Warp's cache: each scene is run for a few steps before.
@@ -33,7 +33,7 @@ from warpsph.simulation import Simulation
 from warpsph.study.provenance import provenance
 
 CASES = Path(__file__).parents[1] / "cases"
-SCHEMES = ("riemann", "isph")
+SCHEMES = ("riemann", "isph", "delta_plus")
 WARM_UP = 2e-3
 """Share of the time for which a scene is run to compile its kernels."""
 

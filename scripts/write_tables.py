@@ -8,7 +8,7 @@ A table stands between two marks, each a line of its own, anywhere in README.md 
     <!-- table: NAME -->
     <!-- end table -->
 
-    two_phase, projection, one_phase   errors of the shipped cases by resolution: phases or scheme
+    two_phase, one_phase, projection, delta_plus   errors of the shipped cases by resolution: phases or scheme
     misses                             every error that is beyond the limit of its case
     unrecorded                         runs of the cases of which there is no record
     ci                                 the errors that the level ci is held to
@@ -279,7 +279,7 @@ def by_resolution(wanted: Callable[[Row], bool]) -> str:
 
 
 def scheme_of(row: Row) -> str:
-    for scheme in ("isph", "riemann"):
+    for scheme in ("isph", "riemann", "delta_plus"):
         if scheme in row.run.split():
             return scheme
     case = case_of(row.case)
@@ -392,6 +392,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "two_phase": lambda: by_resolution(lambda row: phases_in(row.case) > 1),
     "projection": lambda: by_resolution(lambda row: phases_in(row.case) == 1 and scheme_of(row) == "isph"),
     "one_phase": lambda: by_resolution(lambda row: phases_in(row.case) == 1 and scheme_of(row) == "riemann"),
+    "delta_plus": lambda: by_resolution(lambda row: scheme_of(row) == "delta_plus"),
     "misses": misses,
     "unrecorded": unrecorded,
     "ci": ci,

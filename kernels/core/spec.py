@@ -65,6 +65,7 @@ class Spec:
         exact_divergence: the divergence is exact for linear velocities (delta_plus).
         tension_control: pressure below zero acts by its differences, away from free surfaces (delta_plus).
         artificial_viscosity: fluid particles have friction beside that of their phase (delta_plus).
+        budget: a gauge asks where momentum and energy come from and go (delta_plus).
         shift_form: "" for that of the scheme; "positions" or "consistent": what a shift changes (delta_plus).
         runge_kutta: four stages of Runge and Kutta instead of the leapfrog (delta_plus).
         row_list: neighbour list stored particle by particle (CPU) instead of neighbour by neighbour (GPU).
@@ -107,6 +108,7 @@ class Spec:
     exact_divergence: bool = False
     tension_control: bool = False
     artificial_viscosity: bool = False
+    budget: bool = False
     shift_form: str = ""
     runge_kutta: bool = False
     varying_force: bool = False

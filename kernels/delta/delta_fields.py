@@ -22,6 +22,41 @@ def _surface(spec: Spec) -> bool:
     return spec.free_surface
 
 
+def _budget(spec: Spec) -> bool:
+    return spec.budget
+
+
+def _part(name: str, meaning: str) -> Field:
+    """Return the declaration of a part of the acceleration."""
+    return Field(f"budget_{name}", "vec", "fluid", False, _budget, "m/s^2", f"acceleration by {meaning}")
+
+
+def _gain(name: str, meaning: str) -> Field:
+    """Return the declaration of what a particle gains in a step."""
+    return Field(f"budget_{name}", "real", "fluid", False, _budget, "J", f"energy gained in this step by {meaning}")
+
+
+BUDGET_FIELDS: tuple[Field, ...] = (
+    _part("pressure", "pressures of the fluid, all of them in the plus form"),
+    _part("tension", "what tension control makes of them"),
+    _part("viscous", "viscosity of the phase"),
+    _part("artificial", "artificial viscosity"),
+    _part("wall", "pressure at walls"),
+    _part("friction", "friction on walls"),
+    _part("contact", "contact with walls"),
+    _part("gravity", "gravity and the central force"),
+    _part("body", "the body force"),
+    _gain("flow", "compression between fluid particles"),
+    _gain("wall_flow", "compression against walls"),
+    _gain("exact", "the correction of the divergence"),
+    _gain("diffusion", "density diffusion"),
+    _gain("shift", "what the shift carries"),
+    _gain("volume", "the volume constraint"),
+    _gain("spray", "densities of spray that are let go"),
+    _gain("lift", "the shift in the field of gravity"),
+)
+"""what the budget gauge adds up"""
+
 DELTA_FIELDS: tuple[Field, ...] = (
     *COMMON,
     *FLOW,
@@ -32,6 +67,7 @@ DELTA_FIELDS: tuple[Field, ...] = (
     Field("pressure_sign", "int8", "fluid", True, _control, "-", "-1 where the own pressure acts by differences, else 1"),
     Field("wholeness", "real", "fluid", True, _surface, "-", "least eigenvalue of the moment: 1 inside, 1/2 at a surface"),
     Field("wholeness_old", "real", "fluid", False, _surface, "-", "that of the last momentum sweep"),
+    *BUDGET_FIELDS,
 )
 
 ADVANCED: tuple[Field, ...] = tuple(

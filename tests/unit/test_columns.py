@@ -3,6 +3,7 @@
 import pytest
 
 from tests.scenes import FULL, case_of
+from warpsph.case.budget_terms import MOVING, TERMS
 from warpsph.case.case import Case
 from warpsph.case.columns import Column, column_names, columns_of
 from warpsph.case.gauge_models import GAUGES
@@ -35,6 +36,15 @@ EXPECTED = {
     "energy": ("kinetic|potential|elastic|total|kinetic water|total water|kinetic oil|total oil", {"J"}),
     "momentum": (
         "momentum_x|momentum_y|momentum_z|angular_x|angular_y|angular_z|scale|max_speed", {"kg m/s", "kg m^2/s", "m/s"}
+    ),
+    "budget": (
+        "|".join(
+            f"power {term}|work {term}" + "".join(
+                f"|{name}_{axis} {term}" for name in ("force", "impulse") for axis in "xyz" if term in ("total", *MOVING)
+            )
+            for term in ("total", *TERMS)
+        ),
+        {"W", "J", "N", "N s"},
     ),
     "phase_pressure": ("water|oil|water - oil|max|min", {"Pa"}),
     "interface_length": ("interface_length", {"m^2"}),
@@ -80,7 +90,12 @@ SCENE = {
         },
         "phases": {"water": {"density": 1000}},
         "fluids": [{"phase": "water", "shape": "rest"}],
-    }
+    },
+    "budget": {
+        "phases": {"water": {"density": 1000}},
+        "fluids": [{"phase": "water", "shape": "rest"}],
+        "numerics": {"scheme": "delta_plus"},
+    },
 }  # fmt: skip
 
 
@@ -101,7 +116,7 @@ def test_each_type_of_gauge_has_a_model_columns_and_a_measurement():
     written["points"] |= {"points": [[0.1] * 2]}
     for kind in ("line", "reattachment"):
         written[kind] |= {"from": [0.1] * 2, "to": [0.9] * 2}
-    for kind in ("flow_rate", "force_coefficients", "surface_stress"):  # of scenes with inlets, and with bodies
+    for kind in ("flow_rate", "force_coefficients", "surface_stress", "budget"):  # inlets, bodies, one scheme
         del written[kind]
     case = case_of(FULL, gauges=written, reference={})
     for kind, spec in case.gauges.items():

@@ -15,6 +15,7 @@ from warpsph.errors import CaseError
 from warpsph.kernels.core.clock import TIME
 from warpsph.kernels.core.eigenvalue import make_least_eigenvalue
 from warpsph.kernels.core.spec import Spec, types
+from warpsph.running.divergence import runaway_particle
 from warpsph.running.model import Model
 from warpsph.schemes import delta_program as delta
 
@@ -248,6 +249,16 @@ def test_water_at_rest_stays_at_rest_and_weighs_on_the_floor():
     water = run.state.fluid
     depth = 1 - water.position[:, 1]
     assert np.abs(water.pressure - 1000 * depth).max() < 0.04 * 1000
+
+
+@pytest.mark.parametrize("excess", [-0.95, 3.0, math.nan])
+def test_a_density_that_ran_away_is_named(excess):
+    model = Model(Case.from_dict(TANK), threads=1)
+    values = np.zeros(model.particles.fluid_count)
+    values[3] = excess
+    model.particles.put("density_excess", values)
+    identity, _, quantity, value = runaway_particle(model, 3)
+    assert identity == 3 and quantity == "density" and f"rho/rho0 - 1 = {excess:.3g}" in value
 
 
 def test_a_restart_goes_on_bit_by_bit(tmp_path):

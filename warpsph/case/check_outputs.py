@@ -74,6 +74,8 @@ def _check_gauge(case: Any, name: Any, gauge: Any) -> Problems:
         yield from guarded(check_coefficients(case, path, gauge))
     elif gauge.type == "surface_stress":
         yield from guarded(check_surface_stress(case, path, gauge))
+    elif gauge.type == "budget":
+        yield from guarded(_check_budget(case, path, gauge))
     elif gauge.type == "contour":
         if case.dimension != 2:
             yield Problem(f"{path}.type", gauge.type, "needs dimension: 2", "use extents")
@@ -99,6 +101,19 @@ def _check_gauge(case: Any, name: Any, gauge: Any) -> Problems:
                 f"{path}.to", list(gauge.to), "is the same point as from", "use a gauge of type points"
             )
         yield from check_interface_fields(case, f"{path}.fields", gauge.fields)
+
+
+def _check_budget(case: Any, path: str, gauge: Any) -> Problems:
+    """A scheme that can follow the budget, in steps that are added up exactly, of particles that stay."""
+    where = f"{path}.type"
+    if not case.scheme.budgets:
+        rule = f"does not act with scheme: {case.scheme.name}"
+        yield Problem(where, gauge.type, rule, "write numerics.scheme: delta_plus, or delete the gauge")
+    elif case.numerics.integrator == "rk4" or (case.numerics.integrator == "auto" and case.numerics.formulation == "paper"):
+        rule = "follows the steps of the leapfrog"
+        yield Problem(where, gauge.type, rule, "write numerics.integrator: leapfrog, or delete the gauge")
+    elif case.has_flow_through:
+        yield Problem(where, gauge.type, "does not know what comes through inlets and outlets", "delete the gauge")
 
 
 def _check_place(case: Any, path: str, place: Sequence[float]) -> Problems:

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from itertools import combinations
 from typing import Any
 
+from warpsph.case.budget_terms import MOVING, TERMS
 from warpsph.case.coefficients import chosen_bodies
 from warpsph.case.domain import AXES
 from warpsph.case.expressions import Expression, compile_expression
@@ -133,6 +134,17 @@ def _momentum(spec: Any, case: Any, phases: _Names, axes: _Names) -> list[Column
     ]
 
 
+def _budget(spec: Any, case: Any, phases: _Names, axes: _Names) -> list[Column]:
+    force, impulse = _unit(axes, "N", "N/m"), _unit(axes, "N s", "N s/m")
+    result = []
+    for term in ("total", *TERMS):
+        result += [Column(f"power {term}", _unit(axes, "W", "W/m")), Column(f"work {term}", _unit(axes, "J", "J/m"))]
+        if term == "total" or term in MOVING:
+            result += [Column(f"force_{axis} {term}", force) for axis in axes]
+            result += [Column(f"impulse_{axis} {term}", impulse) for axis in axes]
+    return result
+
+
 def _phase_pressure(spec: Any, case: Any, phases: _Names, axes: _Names) -> list[Column]:
     pairs = [f"{first} - {second}" for first, second in combinations(phases, 2)]
     return [Column(name, "Pa") for name in [*phases, *pairs, "max", "min"]]
@@ -247,6 +259,7 @@ def _reattachment(spec: Any, case: Any, phases: _Names, axes: _Names) -> list[Co
 _COLUMNS: dict[str, Callable[[Any, Any, _Names, _Names], list[Column]]] = {
     "energy": _energy,
     "momentum": _momentum,
+    "budget": _budget,
     "phase_pressure": _phase_pressure,
     "interface_length": _interface_length,
     "extents": _extents,

@@ -58,6 +58,12 @@ class MomentumGauge(GaugeModel):
     type: Literal["momentum"] = Field(description="momentum of the fluid")
 
 
+class BudgetGauge(GaugeModel):
+    """Where the momentum and the energy of the fluid come from and go."""
+
+    type: Literal["budget"] = Field(description="what gives the fluid momentum and energy, and what takes them (delta_plus)")
+
+
 class PhasePressureGauge(GaugeModel):
     """Mean pressure of each phase."""
 
@@ -246,6 +252,7 @@ class ReattachmentGauge(GaugeModel):
 GAUGES: dict[str, type[GaugeModel]] = {
     "energy": EnergyGauge,
     "momentum": MomentumGauge,
+    "budget": BudgetGauge,
     "phase_pressure": PhasePressureGauge,
     "interface_length": InterfaceLengthGauge,
     "extents": ExtentsGauge,
@@ -306,6 +313,7 @@ def _as_registered(value: Any, handler: ValidatorFunctionWrapHandler) -> Any:
 Gauge = Annotated[
     Annotated[EnergyGauge, Tag("<energy>")]
     | Annotated[MomentumGauge, Tag("<momentum>")]
+    | Annotated[BudgetGauge, Tag("<budget>")]
     | Annotated[PhasePressureGauge, Tag("<phase_pressure>")]
     | Annotated[InterfaceLengthGauge, Tag("<interface_length>")]
     | Annotated[ExtentsGauge, Tag("<extents>")]

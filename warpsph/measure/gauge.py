@@ -23,7 +23,7 @@ class Needs:
     sums: frozenset[type[PhaseSums]] = frozenset()
     """groups of `warpsph.measure.totals`, formed on the device"""
     extra: frozenset[str] = frozenset()
-    """other numbers of the device: `interface_length`, `wall_force`"""
+    """other numbers of the device: `interface_length`, `wall_force`, `flow_rate`, `budget`"""
     fields: frozenset[str] = frozenset()
     """of the snapshot, for all particles; `phase` and `kind` come with any"""
     samples: frozenset[str] = frozenset()

@@ -4,6 +4,7 @@
 |---|---|
 | energy | kinetic, potential, elastic, surface, total, and `kinetic gas`, `total gas` ... for each phase |
 | momentum | momentum_x ..., angular_z (3-D: x, y, z), scale, max_speed |
+| budget | `power viscosity`, `work viscosity`, `force_x viscosity`, `impulse_x viscosity` ... of each term and in total |
 | phase_pressure | the name of each phase, `gas - liquid` ..., max, min |
 | extents | `lowest_x gas`, `highest_x gas`, `centroid_x gas`, `semi_axis_x gas`, `front gas`, `area gas` ... |
 | contour | `perimeter gas`, `circularity gas`, `filling gas`, `lowest_x gas`, `highest_x gas` ... (2-D) |
@@ -47,6 +48,7 @@ from warpsph.measure.flow_gauges import FlowRateGauge, ReattachmentGauge
 from warpsph.measure.gauge import Gauge, Needs
 from warpsph.measure.gauge_files import GaugeFile
 from warpsph.measure.phase_gauges import (
+    BudgetGauge,
     EnergyGauge,
     ForceCoefficientsGauge,
     InterfaceLengthGauge,
@@ -64,6 +66,7 @@ from warpsph.snapshot import Snapshot
 GAUGES: dict[str, type[Gauge]] = {
     "energy": EnergyGauge,
     "momentum": MomentumGauge,
+    "budget": BudgetGauge,
     "phase_pressure": PhasePressureGauge,
     "extents": ExtentsGauge,
     "contour": ContourGauge,

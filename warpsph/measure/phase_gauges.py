@@ -79,6 +79,18 @@ class MomentumGauge(Gauge):
         ]  # fmt: skip
 
 
+class BudgetGauge(Gauge):
+    """What gives the fluid momentum and energy and what takes them: rates of the last step, and sums since the start.
+
+    The total is that of all terms but `lift`, which is potential energy: of kinetic and elastic energy, and of momentum.
+    """
+
+    needs = Needs.of(extra=("budget",))
+
+    def row(self, snapshot: Snapshot) -> list[float]:
+        return [self.extra(snapshot, column.name) for column in self.columns]
+
+
 class PhasePressureGauge(Gauge):
     """Pressure averaged over the volume of each phase, the difference of each two, and the extremes [Pa].
 

@@ -20,11 +20,12 @@ def runaway_particle(model: Model, row: int) -> tuple[int, str, str, str]:
     excess = float(model.particles.get("density_excess")[row])
     position = model.particles.get("position")[row].astype(float)
     speed = float(np.linalg.norm(velocity))
+    most = model.most_excess(row)
     if not np.isfinite(position).all():
         quantity, value = "position", "not finite"
     elif not math.isfinite(speed):
         quantity, value = "velocity", "not finite"
-    elif not -LEAST_DENSITY < excess < (most := model.most_excess(row)):  # nor is what is not finite
+    elif not -LEAST_DENSITY < excess < most:  # nor is what is not finite
         limits = f", limits {-LEAST_DENSITY:g} and {most:.3g}" if math.isfinite(excess) else ""
         quantity, value = "density", f"rho/rho0 - 1 = {excess:.3g}{limits}"
     elif speed >= model.physics.runaway:

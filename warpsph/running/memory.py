@@ -196,6 +196,7 @@ def _structure(case: Case, found: Count, row_list: bool) -> Spec:
         paper_star=paper and several,
         shifting=shifting,
         scheme=case.numerics.scheme,
+        budget=any(gauge.type == "budget" for gauge in case.gauges.values()),
         changing=case.has_flow_through,
         open_axis=open_axis(case),
         windows=0 if case.output.lyapunov is None else case.output.lyapunov.starts,

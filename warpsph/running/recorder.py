@@ -10,6 +10,7 @@ import numpy as np
 
 from warpsph.measure.gauges import GaugeSet
 from warpsph.measure.probes import sample
+from warpsph.running.budgets import budget
 from warpsph.running.device_sums import Nearby
 from warpsph.running.state_copy import SOURCES, StateCopy, copy_state
 from warpsph.snapshot import Stations
@@ -64,6 +65,8 @@ class Recorder:
         if "flow_rate" in needs.extra:
             extra.update(model.flow_rates())
         surfaces = {body: model.surface_stress(body) for body in sorted(needs.surfaces)}
+        if "budget" in needs.extra:
+            extra.update(budget(model.stepper.bindings, model.case.dimension))
         around = None
         if needs.samples:
             points = self.gauges.sample_points

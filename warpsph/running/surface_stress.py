@@ -60,7 +60,7 @@ class SurfaceStress:
         normal, area = get("wall_normal"), get("wall_area")
         foot = get("position") + normal * get("wall_depth")[:, None]
         bindings = self.stepper.bindings
-        stress = {name: np.asarray(bindings[name].numpy()[rows], np.float64) / area[:, None] for name in ("load", "friction")}
+        stress = {name: np.float64(bindings[name].numpy()[rows]) / area[:, None] for name in ("load", "friction")}
         friction = stress["friction"]
         pressure = np.einsum("ij,ij->i", friction - stress["load"], normal)
         centre = self.loads.centre(body)

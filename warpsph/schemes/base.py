@@ -40,6 +40,7 @@ class Scheme:
         kept: names of arrays beside the fields that a restart goes on from, where a run has them.
         follows_origins: its program has the stages of `map_stages`, which Lyapunov exponents need.
         open_sides: sides of the domain may be inlets and outlets.
+        budgets: a gauge of type budget can follow where momentum and energy come from and go.
         free_pressure: all of them may give a velocity, so that the pressure is known but for a constant.
     """
 
@@ -57,6 +58,7 @@ class Scheme:
     follows_origins: bool = False
     open_sides: bool = False
     free_pressure: bool = False
+    budgets: bool = False
 
     # a case ------------------------------------------------------------------------------------------------------------
 

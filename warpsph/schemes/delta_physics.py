@@ -120,6 +120,7 @@ def derive(case: Case, geometry: Geometry, row_list: bool) -> Physics:
         volume_constraint=bool(held),
         room=float(room) > 0,
         artificial_viscosity=choices["artificial"] > 0,
+        budget=any(gauge.type == "budget" for gauge in case.gauges.values()),
         runge_kutta=rk4,
         shift_form=str(shift_form) if float(shifting) > 0 else "",
         changing=case.has_flow_through,

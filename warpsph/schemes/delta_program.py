@@ -8,6 +8,9 @@ from warpsph.kernels.core.clock import make_advance
 from warpsph.kernels.core.poses import MIDDLE, NEXT
 from warpsph.kernels.core.spec import Spec
 from warpsph.kernels.core.time_signals import depends_on_time
+from warpsph.kernels.delta.budget_density import make_budget_density
+from warpsph.kernels.delta.budget_forces import make_budget_forces
+from warpsph.kernels.delta.budget_sums import make_budget_sums
 from warpsph.kernels.delta.delta_continuity import make_delta_continuity
 from warpsph.kernels.delta.delta_drift import make_delta_drift, make_delta_shift, make_delta_state
 from warpsph.kernels.delta.delta_fields import ADVANCED
@@ -46,6 +49,7 @@ def leapfrog(spec: Spec) -> list[Node]:
         Stage("drift", make_delta_drift(spec), "fluid", "moves the particles"),
         *walls_ahead(spec),
         Stage("continuity", make_delta_continuity(spec), "fluid", "rate of the density, with its diffusion"),
+        *budget_ahead(spec),
         state(spec, closing=1),
         *bodies(spec, NEXT, closing=1),
         *open_flow(spec),
@@ -55,6 +59,7 @@ def leapfrog(spec: Spec) -> list[Node]:
         momentum(spec),
         *follow_shift(spec),
         *sponge(spec),
+        *budget(spec, closing=1),
         advance(spec),
         KeepList(),
     ]
@@ -104,6 +109,28 @@ def start(spec: Spec) -> list[Node]:
         *buffer_gradient(spec, spec.density_diffusion),
         momentum(spec),
         *follow_shift(spec),
+        *budget(spec, closing=0),
+    ]
+
+
+def budget_ahead(spec: Spec) -> list[Stage]:
+    """Return the stage that keeps apart what changes the density, while the rates are those of this step."""
+    if not spec.budget:
+        return []
+    return [Stage("budget_density", make_budget_density(spec), "fluid", "budget gauge: what changes the density")]
+
+
+def budget(spec: Spec, closing: int) -> list[Stage]:
+    """Return the stages that add this step to the budget of momentum and energy; at a start they find the first forces."""
+    if not spec.budget:
+        return []
+    add, fold, close = make_budget_sums(spec)
+    values = {"closing": closing}
+    return [
+        Stage("budget_forces", make_budget_forces(spec), "fluid", "budget gauge: parts of the acceleration"),
+        Stage("budget_sums", add, "budget_sums", "budget gauge: sums of both", values),
+        Stage("budget_fold", fold, "folds", "adds up the parts of the budget"),
+        Stage("budget_close", close, "one", "adds the step to the budget", values),
     ]
 
 
@@ -178,6 +205,8 @@ def absent(spec: Spec) -> list[Absent]:
         rows.append(Absent("volume", reason))
     if not spec.free_surface:
         rows.append(Absent("free surface", "the fluid fills the domain"))
+    if not spec.budget:
+        rows.append(Absent("budget", "no gauge of that type"))
     rows += closed_sides(spec)
     if not any(spec.periodic):
         rows.append(Absent("periodic images", "no periodic axis"))

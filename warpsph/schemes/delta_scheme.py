@@ -34,6 +34,8 @@ class DeltaScheme(FlowThrough):
     follows_origins = True
     # velocity_old is of the wall stage, which knows schemes of two time levels, wall_impact of births
     work = frozenset({"load", "friction", "velocity_old", "phase", "wall_impact"})
+    kept = (*FlowThrough.kept, "budget_work", "budget_kick", "budget_force")
+    budgets = True
 
     def staggered(self, spec: Spec) -> bool:
         """Whether velocities are half a step behind: in the leapfrog, not with Runge-Kutta."""
@@ -106,6 +108,7 @@ class DeltaScheme(FlowThrough):
         shape, _ = make_smoothing(physics.spec.kernel, "float64")
         return {
             **self.open_values(case, geometry, physics, device),
+            **(budget_arrays(device) if physics.spec.budget else {}),
             "density_diffusion": float(choices["density_diffusion"]),
             "artificial_viscosity": float(choices["artificial"]),
             "shift_speed": float(physics.scales["velocity"]),
@@ -118,3 +121,23 @@ class DeltaScheme(FlowThrough):
 
         clock[ck.SOUND] = max(physics.sound_speed)
         clock[ck.RARE_LIMIT] = RARE_WAY * physics.h
+
+
+def budget_arrays(device: Any) -> dict[str, Any]:
+    """Return the arrays of the budget gauge by kernel argument, see `kernels/delta/budget_sums.py`."""
+    import warp as wp
+
+    from warpsph.case.budget_terms import TERMS
+    from warpsph.kernels.core.clock import FOLDS
+    from warpsph.kernels.delta.budget_sums import BLOCKS, Sum
+
+    terms, blocks = len(TERMS), BLOCKS[bool(device.is_cpu)]
+    shapes: dict[str, Any] = {
+        "budget_sums": (blocks, terms),
+        "budget_changes": (blocks, terms),
+        "budget_folds": (FOLDS, 2 * terms),
+        "budget_kick": terms,
+        "budget_work": terms,
+        "budget_force": terms,
+    }
+    return {name: wp.zeros(shape, dtype=Sum, device=device) for name, shape in shapes.items()}

@@ -19,7 +19,7 @@ class FlowThrough(Scheme):
     """A scheme of fluid flow with inlets and outlets: room for what comes, numbers of the sides, flow rates."""
 
     open_sides = True
-    kept = ("side_memory", "site_ahead", "face_pressure", "face_velocity", "through")
+    kept: tuple[str, ...] = ("side_memory", "site_ahead", "face_pressure", "face_velocity", "through")
 
     def room(self, case: Any, geometry: Geometry, physics: Physics) -> int:
         """Return room for the fluid, and for the buffers of inlets and outlets."""
