@@ -44,7 +44,7 @@ def test_density_follows_the_room_of_the_particles(device):
     )  # fmt: skip
     bench.put("density_excess", 0.01)
     bench.particles.put("midway", bench.particles.get("position"))
-    bench.run(next(node for node in delta.step(spec) if getattr(node, "name", "") == "continuity"))
+    bench.run(next(node for node in delta.step(bench.spec) if getattr(node, "name", "") == "continuity"))
     inside = (np.abs(x - 0.7) < 0.7 - bench.support).all(axis=1)
     # a sum over a lattice is not quite an integral: 0.1 % of the room, 2 % of the gradient
     np.testing.assert_allclose(bench.get("density_rate")[inside], 1.01 * 2.0 * 3.0 * 1.05 * 0.05, rtol=0.05)

@@ -32,7 +32,7 @@ def channel(walls, profile, upper, bodies, **sections):
 @pytest.fixture
 def fitted(monkeypatch):
     """Bodies of whole cells have a surface too: nothing but the walls is not that of a lattice then."""
-    monkeypatch.setattr(riemann_physics, "_fitted_walls", lambda case, geometry: True)
+    monkeypatch.setattr(riemann_physics, "fitted_walls", lambda case, geometry: True)
 
 
 def made(case, device="cpu"):
