@@ -275,6 +275,17 @@ def narrow(case, device, monkeypatch):
         return prepared(case, device)
 
 
+def test_what_leaks_is_counted_after_the_arrays_have_grown(device, monkeypatch):
+    model = narrow(scene(CHANNEL), device, monkeypatch)
+    run(model, 1.0)
+    assert model.particles.grown
+    before = model.leaks()[1]["water"]
+    position, zone = model.particles.get("position"), model.particles.get("zone")
+    position[int(np.flatnonzero(zone == FLUID)[0])] = [1.5, -0.06]
+    model.particles.put("position", position)
+    assert model.leaks()[1]["water"] == before + 1
+
+
 def test_gauges_leave_out_the_buffers(device, monkeypatch):
     """Sums of the device are those of the snapshot, which has the domain alone, also after the arrays have grown."""
     model = narrow(scene(CHANNEL), device, monkeypatch)

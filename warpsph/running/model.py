@@ -120,7 +120,6 @@ class Model:
         self.particles = Population(self.physics.spec, self.scheme.fields(), *counts, self.device, room)
         self._fill()
         self.stepper = self._make_stepper()
-        self._leak_tasks = self.stepper.list.leak_tasks("position")
 
     # start ---------------------------------------------------------------------------------------------------------
 
@@ -359,7 +358,7 @@ class Model:
 
         `most` is the largest number that a build of the neighbour list has found so far, or the present one.
         """
-        for task in self._leak_tasks:
+        for task in self.stepper.list.leak_tasks("position"):  # of the arrays as they are: they grow with the number of particles
             task.run()
         counts = self.stepper.bindings["leak_counts"].numpy().reshape(-1, 2)
         names = self.case.phase_names
