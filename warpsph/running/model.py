@@ -358,7 +358,7 @@ class Model:
 
         `most` is the largest number that a build of the neighbour list has found so far, or the present one.
         """
-        for task in self.stepper.list.leak_tasks("position"):  # of the arrays as they are: they grow with the number of particles
+        for task in self.stepper.list.leak_tasks("position"):  # of the arrays as they are: they grow with the particles
             task.run()
         counts = self.stepper.bindings["leak_counts"].numpy().reshape(-1, 2)
         names = self.case.phase_names
