@@ -4,8 +4,10 @@
 
 p_s is the value of a quadratic through the pressure at the foot, S the slope of one through the velocity of the wall there:
 straight lines (`wall_fit`) have the value and the slope of some way off the wall. Where the fluid is too thin for it, they
-are those of the line. Beside a rigid surface that it sticks to a fluid without divergence has no stress along the normal but
-its pressure. The two terms are kept apart: what is left of the force without the friction is that of the pressure.
+are those of the line; so is p_s before a free surface and between fluids, whose pressures have a kink there. No p_s is
+farther from that of the line than a pressure before the foot. Beside a rigid surface that it sticks to a fluid without
+divergence has no stress along the normal but its pressure. The two terms are kept apart: what is left of the force without
+the friction is that of the pressure.
 """
 
 import functools
@@ -32,6 +34,7 @@ def make_surface_load(spec: Spec) -> Any:
     solve, value_of = fit.solve, fit.value
     shape, _ = make_smoothing(spec.kernel, spec.precision)
     separation = separation_of(spec)
+    bends = not spec.free_surface and not spec.multiphase
     list_begin, list_step, neighbour, Listed = list_access(spec)
 
     @wp.kernel(module="unique", enable_backward=False, module_options=SWEEP_OPTIONS)
@@ -70,6 +73,7 @@ def make_surface_load(spec: Spec) -> Any:
             weight = real(0.0)
             viscosity = real(0.0)  # of the fluids before the foot, by their weights
             pressed = wp.float64(0.0)
+            widest = real(0.0)  # difference of a pressure before the foot from that of the line
             normal_matrix = square()
             first_moment = vector()
             right = sides()
@@ -95,10 +99,13 @@ def make_surface_load(spec: Spec) -> Any:
                 right += wp.outer(terms, vec64(velocity[j] - own_velocity))
                 right_pressure += excess * terms
                 pressed += wp.float64(w_j) * excess
+                widest = wp.max(widest, wp.abs(state_j[0] - pressure))
             if weight > real(0.0):
                 bent, value = value_of(normal_matrix, first_moment, wp.float64(weight), right_pressure, pressed)
-                if bent:
-                    pressure += real(value)
+                if wp.static(bends) and bent:
+                    pressure += real(wp.clamp(value, -wp.float64(widest), wp.float64(widest)))
+                if wp.static(spec.free_surface):
+                    pressure = wp.max(pressure, real(0.0))  # of a foot that is dry too
             if wp.static(spec.wall_no_slip):
                 if slip[w] == wp.uint8(0):
                     shear = surface_shear[w]

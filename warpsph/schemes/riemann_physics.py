@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from warpsph.errors import CaseError, Problem
 from warpsph.kernels.core.smoothing import KERNELS
 from warpsph.kernels.core.spec import Spec
 from warpsph.scene.fluid_regions import LIGHT
@@ -50,7 +51,8 @@ ROOM_RATE = 2.0
 # Displacement that breaks the symmetry of a lattice, in particle spacings: for the corrected gradient a perfect lattice
 # that is sheared is a balance on a knife's edge, which ends in voids.
 UNLOCK = 0.05
-# Bulk viscosity over rho c h: half and double of it damp sound too; four times as much is beyond what walls with a fit bear.
+# Bulk viscosity over rho c h: double of it damps little more, four times as much is beyond what walls with a fit bear
+# (docs/records/open_boundaries.md).
 DAMPING = 0.25
 
 
@@ -124,11 +126,9 @@ def derive(case: Case, geometry: Geometry, row_list: bool = True) -> Physics:
         "a perfect lattice is no start for the corrected gradient" if locked else "not needed",
     )
     dissipation = choose("velocity_dissipation", 1.0, "Riemann problem")
-    damping = choose(
-        "acoustic_damping",
-        DAMPING if case.has_flow_through and not paper else 0.0,
-        "sound of a start between inlets and outlets dies out" if case.has_flow_through and not paper else "not needed",
-    )
+    ringing = case.has_flow_through and corrected
+    reason = "sound of a start between inlets and outlets dies out" if ringing else "not needed"
+    damping = choose("acoustic_damping", DAMPING if ringing else 0.0, reason)
     choose("courant", 0.5, "half of the measured limit of the leapfrog")
     choose("skin", case.scheme.skin, "measured optimum of sweeps and rebuilds")
     choices["kernel"] = numerics.kernel
@@ -140,6 +140,9 @@ def derive(case: Case, geometry: Geometry, row_list: bool = True) -> Physics:
     scales, seen = flow_scales(case, geometry, tension, filled)
     wanted, warnings = sound_speeds(case, scales, seen, filled)
     fitted = fitted_walls(case, geometry)
+    if float(damping) > 0 and fitted and not corrected:
+        rule = "beside bodies needs the corrected pressure gradient: their pressure differences drive the density else"
+        raise CaseError([Problem("numerics.acoustic_damping", damping, rule, "write auto or 0")])
     spec = Spec(
         dimension=case.dimension,
         precision=case.precision,
