@@ -13,6 +13,7 @@ from warpsph.kernels.core.params import make_params
 from warpsph.kernels.core.smoothing import make_smoothing
 from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, types_of
 
+from .projection import CLOSEST
 from .surface import INSIDE, ISOLATED
 
 CONTACT = 0.5  # distance of a collision, in spacings: shifted particles of a flow stay farther apart
@@ -66,6 +67,8 @@ def make_regularise(spec: Spec) -> Any:
         correction: wp.array(dtype=mat),
         crowding: wp.array(dtype=vec),
         boundary_volume: wp.array(dtype=real),
+        beside: wp.array(dtype=vec),
+        wall_gap: wp.array(dtype=real),
         mirror_velocity: wp.array(dtype=vec),
         dilation: wp.array(dtype=real),
         dilation_old: wp.array(dtype=real),
@@ -170,6 +173,11 @@ def make_regularise(spec: Spec) -> Any:
             cap = params.shift_cap * params.h
             if length > cap:
                 dx = dx * (cap / length)
+            if wp.static(spec.bodies):
+                # Up to where `advect` stops a particle before a body: what it carries changes on the way that it goes.
+                n = beside[i]
+                inward = wp.min(real(CLOSEST) * params.spacing - wall_gap[i], real(0.0))
+                dx += n * wp.max(inward - wp.dot(dx, n), real(0.0))
             shift[i] = dx
             change = shear * dx
             if wp.static(spec.free_surface):

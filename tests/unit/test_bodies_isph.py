@@ -7,6 +7,7 @@ import pytest
 
 from warpsph.case.case import Case
 from warpsph.errors import CaseError
+from warpsph.kernels.isph.projection import CLOSEST
 from warpsph.running.model import Model
 
 DRAG = {0.1: 24.83, 0.4: 217.89}  # K = F/(mu U) of the square array (Sangani & Acrivos 1982), by solid fraction
@@ -104,6 +105,47 @@ def test_flow_between_cylinders() -> None:
     # beside bodies that mirror the velocity in a straight line the first is 2.3 % too large
     assert forces["wall_torque_z inner"] / torque == pytest.approx(1.0, abs=0.01)
     assert forces["wall_torque_z outer"] / torque == pytest.approx(-1.0, abs=0.01)
+
+
+def start_of_a_cylinder(courant: float) -> Model:
+    """Return a cylinder that has moved by 0.4 diameters from a sudden start, Re = 200, with 16 spacings across."""
+    r2 = "maximum(x*x + y*y, 0.2)"
+    return run(
+        {
+            "dimension": 2,
+            "particle_spacing": 1.0 / 16,
+            "domain": {"lower": [-1.5, -1.5], "upper": [1.5, 1.5], "boundary": {"x": "periodic", "y": "periodic"}},
+            "phases": {"water": {"density": 1.0, "viscosity": 0.005}},
+            "fluids": [{"phase": "water", "shape": "rest"}],
+            "start": {"velocity": [f"0.25*(x*x - y*y)/{r2}**2", f"0.5*x*y/{r2}**2"]},
+            "bodies": {
+                "cylinder": {
+                    "shape": {"sphere": {"center": [0, 0], "radius": 0.5}},
+                    "motion": {"translation": ["t", 0]},
+                }
+            },
+            "numerics": {"scheme": "isph", "courant": courant},
+        },
+        0.4,
+    )
+
+
+def test_friction_of_a_sudden_start_is_that_of_the_flow_and_not_of_the_number_of_steps() -> None:
+    """A shift that the surface stops takes no velocity from the fluid: it would in each step, until all goes with it."""
+    few, many = (start_of_a_cylinder(courant) for courant in (0.4, 0.1))
+    of_few, of_many = (-model.wall_forces()["wall_friction_x cylinder"] for model in (few, many))
+    # The layer of a plate that starts at the local speed 2 U sin(angle) has 2 pi R mu U/sqrt(pi nu t); what it leaves out,
+    # that the front is always fresh, makes friction larger.
+    thin = math.pi * 0.005 / math.sqrt(math.pi * 0.005 * 0.4)
+    assert min(of_few, of_many) > thin
+    assert of_many == pytest.approx(of_few, rel=0.2)
+    fluid = slice(0, many.geometry.fluid_count)
+    normal = many.particles.get("beside")[fluid]
+    near = (normal * normal).sum(axis=1) > 0.0
+    gap = many.particles.get("wall_gap")[fluid][near]
+    left = gap + (many.particles.get("shift")[fluid] * normal).sum(axis=1)[near]
+    assert near.sum() > 100
+    assert (left >= np.minimum(gap, CLOSEST / 16) - 1e-6).all()
 
 
 def stokes_flow(x: np.ndarray, inner: float, outer: float, speed: float) -> tuple[np.ndarray, float]:
