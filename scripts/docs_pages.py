@@ -106,7 +106,9 @@ def case_groups() -> dict[str, list[str]]:
         "Several fluids": [],
         "One fluid, Riemann scheme": [],
         "One fluid, projection ISPH": [],
+        "One fluid, delta-plus-SPH": [],
     }
+    of_scheme = {"riemann": "Riemann scheme", "isph": "projection ISPH", "delta_plus": "delta-plus-SPH"}
     for path in sorted((ROOT / "cases").glob("*.yaml")):
         case = load_case(path)
         if case.has_surface_tension:
@@ -114,7 +116,7 @@ def case_groups() -> dict[str, list[str]]:
         elif len(case.phases) > 1:
             group = "Several fluids"
         else:
-            group = "One fluid, projection ISPH" if case.numerics.scheme == "isph" else "One fluid, Riemann scheme"
+            group = f"One fluid, {of_scheme[case.numerics.scheme]}"
         groups[group].append(path.stem)
     return groups
 
@@ -515,6 +517,23 @@ def channel(dimension: int, gauge: Mapping[str, Any]) -> Case:
     )
 
 
+def basin(dimension: int, gauge: Mapping[str, Any]) -> Case:
+    """A case of one phase between walls with delta-plus-SPH that has one gauge."""
+    domain = {"lower": [0.0] * dimension, "upper": [1.0] * dimension, "boundary": dict.fromkeys("xyz"[:dimension], "wall")}
+    return Case.from_dict(
+        {
+            "dimension": dimension,
+            "particle_spacing": 0.1,
+            "end_time": 1.0,
+            "domain": domain,
+            "phases": {"water": {"density": 1000, "sound_speed": 10}},
+            "fluids": [{"phase": "water", "shape": "rest"}],
+            "numerics": {"scheme": "delta_plus"},
+            "gauges": {"g": gauge},
+        }
+    )
+
+
 def columns(kind: str) -> str:
     """The columns of a gauge in the scene above, with their units in two and three dimensions."""
     keys: dict[str, Any] = {"type": kind, "interval": 0.1}
@@ -538,7 +557,8 @@ def columns(kind: str) -> str:
             keys |= {"mirror": "x"}
             if dimension == 3:
                 continue
-        case = channel(dimension, keys) if kind == "flow_rate" else scene(dimension, keys)
+        made = {"flow_rate": channel, "budget": basin}.get(kind, scene)
+        case = made(dimension, keys)
         gauge = gauges.GAUGES[kind]("g", case.gauges["g"], case)
         for column in gauge.columns:
             units.setdefault(column.name, {})[dimension] = column.unit
