@@ -65,3 +65,14 @@ def test_two_fluids_have_none():
     phases = {"water": {"density": 2.0}, "oil": {"density": 1.0}}
     with pytest.raises(CaseError, match="acoustic_damping"):
         Case.from_dict(BOX | {"phases": phases, "fluids": [drop, *BOX["fluids"]], "numerics": {"acoustic_damping": 0.1}})
+
+
+def test_bodies_before_a_free_surface_have_none():
+    """Pressure differences of bodies drive the density with the conservative gradient, which the damping would feed."""
+    tank = BOX["domain"] | {"upper": [1, 1], "boundary": {"x": "wall", "y": {"lower": "wall", "upper": "open"}}}
+    pool = {"phase": "water", "shape": {"box": {"lower": [0, 0], "upper": [1, 0.5]}}}
+    bodies = {"ball": {"shape": {"sphere": {"center": [0.5, 0.25], "radius": 0.13}}}}
+    case = Case.from_dict(BOX | {"domain": tank, "fluids": [pool], "gravity": [0, -1.0], "bodies": bodies})
+    assert Model(case, threads=1).physics.choices["acoustic_damping"] == 0
+    with pytest.raises(CaseError, match="corrected pressure gradient"):
+        Model(case.replace({"numerics.acoustic_damping": 0.25}), threads=1)

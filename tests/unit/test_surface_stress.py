@@ -209,3 +209,25 @@ def test_a_surface_has_no_one_number_a_time():
     reference = {"r": {"gauge": "s", "column": "shear", "value": 1}}
     with pytest.raises(CaseError, match=r"reference\.r\.gauge.*has profiles.*use curves"):
         case_of({}, ("a",), reference=reference)
+
+
+def test_a_dry_surface_bears_no_pressure():
+    """A ball half in water: nothing above the water, and no suction anywhere on it."""
+    data = {
+        "dimension": 2,
+        "particle_spacing": 0.05,
+        "end_time": 1.0,
+        "domain": {"lower": [0, 0], "upper": [1, 1], "boundary": {"x": "wall", "y": {"lower": "wall", "upper": "open"}}},
+        "gravity": [0, -9.81],
+        "phases": {"water": {"density": 1000}},
+        "fluids": [{"phase": "water", "shape": {"box": {"lower": [0, 0], "upper": [1, 0.5]}}}],
+        "bodies": {"ball": {"shape": {"sphere": {"center": [0.5, 0.5], "radius": 0.16}}}},
+        "start": {"pressure": "hydrostatic"},
+    }
+    model = Model(Case.from_dict(data), threads=1)
+    model.stepper.prepare(fresh=True)
+    model.stepper.run(0.05, 10**9)
+    found = model.surface_stress("ball")
+    assert (found.pressure >= 0).all()
+    np.testing.assert_array_equal(found.pressure[found.position[:, 1] > 0.5 + 2 * 0.05], 0.0)
+    assert found.pressure[found.position[:, 1] < 0.4].min() > 500
