@@ -140,13 +140,13 @@ class ForceCoefficientsGauge(GaugeModel):
     bodies: Annotated[tuple[Name, ...] | None, BeforeValidator(as_list)] = Field(
         default=None, description="which bodies (default: all)", examples=["[cylinder]"]
     )
-    drag: Vector = Field(
-        default=(),
+    drag: Vector | None = Field(
+        default=None,
         description="direction of drag, of any length, that in which the stream goes (default: +x)",
         examples=["[1, 0]"],
     )
-    lift: Vector = Field(
-        default=(),
+    lift: Vector | None = Field(
+        default=None,
         description="direction of lift, at right angles to drag (default: in 2-D that of drag turned by 90 degrees from x "
         "to y)",
         examples=["[0, 1]"],
