@@ -15,6 +15,7 @@ from typing import Any
 
 import warp as wp
 
+from warpsph.kernels.core.buffer_gradient import THIN
 from warpsph.kernels.core.clock import MAXIMA, SPEED, STEP
 from warpsph.kernels.core.eigenvalue import make_least_eigenvalue
 from warpsph.kernels.core.fields import FLUID
@@ -28,7 +29,6 @@ from warpsph.kernels.core.viscosity import make_viscosity
 from .delta_contact import make_contact_of
 
 CROWDING = 0.2  # R of the shift, which keeps particles from pairing; its exponent is 4 (theory: delta#d3)
-THIN = 0.2  # least eigenvalue below which a moment is not inverted
 ALONE, WHOLE = 0.4, 0.75  # least eigenvalues up to which a particle is not shifted, and only along the surface
 
 
