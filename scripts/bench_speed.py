@@ -5,7 +5,7 @@
 
 Scenes (the large ones on a GPU alone): Taylor-Green 2-D at 10 k, 100 k, 1 M, 4 M particles, once as the lean scene that
 other codes are measured with (conservative gradient, Wendland C2, h = 1.25 dx) and once with the defaults, of the Riemann
-scheme and to 1 M of delta-plus-SPH; a periodic
+scheme and to 1 M of delta-plus-SPH; a cylinder in a stream with the latter; a periodic
 3-D box at 125 k, 1 M, 8 M, 32 M (25 GB, with the defaults 35 GB); the layered tank; the square droplet.
 
 The floor is the least that two sweeps must read: the list (4 B an entry) and each particle's position, velocity,
@@ -57,6 +57,15 @@ def taylor_green(n: int, lean: bool) -> dict[str, Any]:
 def delta_plus(n: int) -> dict[str, Any]:
     """The same vortex with delta-plus-SPH and its defaults, h = 2 dx."""
     return {**taylor_green(n, False), "numerics": {"scheme": "delta_plus"}}
+
+
+def stream(spacings: int) -> dict[str, Any]:
+    """The cylinder in a stream of the case: a body with friction, an inlet, an outlet and sponges, with delta-plus-SPH."""
+    from warpsph.case.case_file import load_case
+
+    case = load_case(Path(__file__).parents[1] / "cases" / "cylinder_periodic.yaml")
+    data = case.replace({"particle_spacing": 1 / spacings}).to_dict()
+    return {key: value for key, value in data.items() if key not in ("reference", "validation", "gauges")}
 
 
 def box(n: int) -> dict[str, Any]:
@@ -128,6 +137,8 @@ SCENES: dict[str, tuple[Any, bool]] = {
     "delta_plus 10k": (lambda: delta_plus(100), False),
     "delta_plus 100k": (lambda: delta_plus(316), False),
     "delta_plus 1M": (lambda: delta_plus(1000), True),
+    "stream 100k": (lambda: stream(14), False),
+    "stream 1M": (lambda: stream(46), True),
     "box 125k": (lambda: box(50), False),
     "box 1M": (lambda: box(100), True),
     "box 8M": (lambda: box(200), True),

@@ -18,7 +18,8 @@ from .spec import Spec, types_of
 
 RANGE = 3  # cells around a site that are searched: particles move up to 0.28 of the support between two lists
 LEAST_WEIGHT = 0.1  # of the sites next to a particle that have fluid before them
-LEAST_PIVOT = 1.0e-4  # of the normed moments in spacings of h, below which the fluid at a site is too thin for a fit
+LEAST_PIVOT = 0.04  # of the moments of a fit in powers of the spacing: half of what even particles have
+TINY = 1.0e-12  # of a pivot that is rounding
 
 
 @functools.cache
@@ -37,14 +38,19 @@ def make_signal() -> Any:
 
 
 def basis_size(dimension: int) -> int:
-    """Return how many terms the fit at a side has: 1, a slope an axis, and what is quadratic along the side."""
+    """Return how many terms the fit at a side has: 1, slopes and what is quadratic along the side, the slope across it."""
     across = dimension - 1
     return 1 + dimension + across * (across + 1) // 2
 
 
 @functools.cache
 def make_solve(size: int) -> Any:
-    """Return the `wp.func` solve(m, b) of a symmetric positive matrix by elimination; (pivots are above 0, solution)."""
+    """Return the `wp.func` solve(m, b) of a symmetric matrix of moments by elimination, with pivots of LEAST_PIVOT at least.
+
+    A pivot is the mean square of what a term has that those before it have not. Where the places of the fluid do not tell
+    them apart, as the slope across a side where a single column of particles is seen, the share of the term falls to 0
+    with its pivot; divided by it, the scatter of a column would become a slope without bound (theory: riemann#open).
+    """
     row = wp.types.vector(length=size, dtype=wp.float64)
     square = wp.types.matrix(shape=(size, size), dtype=wp.float64)
 
@@ -52,23 +58,19 @@ def make_solve(size: int) -> Any:
     def solve(m: square, b: row):
         u = m + square()
         x = b + row()
-        good = bool(True)
         for k in range(size):
-            if u[k, k] < wp.float64(LEAST_PIVOT):
-                good = False
-                u[k, k] = wp.float64(1.0)
             for i in range(k + 1, size):
-                share = u[i, k] / u[k, k]
+                share = u[i, k] / wp.max(u[k, k], wp.float64(TINY))
                 for j in range(k, size):
                     u[i, j] = u[i, j] - share * u[k, j]
                 x[i] = x[i] - share * x[k]
         for back in range(size):
             k = size - 1 - back
-            total = x[k]
+            total = x[k] / wp.max(u[k, k], wp.float64(LEAST_PIVOT))
             for j in range(k + 1, size):
-                total -= u[k, j] * x[j]
-            x[k] = total / u[k, k]
-        return good, x
+                total -= u[k, j] / wp.max(u[k, k], wp.float64(TINY)) * x[j]
+            x[k] = total
+        return x
 
     return solve
 
@@ -78,8 +80,8 @@ def make_fit(spec: Spec) -> Any:
     """Return the `wp.func` fit(x, ...) of the fluid around a site: pressure, velocity, slopes along the axis, validity.
 
     Least squares with the weights kernel times volume, linear across the side and quadratic along it: a linear fit would
-    take the curvature of a velocity profile for a velocity, and Z times that for a pressure. Without enough fluid for it the
-    mean, without any nothing.
+    take the curvature of a velocity profile for a velocity, and Z times that for a pressure. Terms that the places of the
+    fluid do not tell apart are left out by degrees, see `make_solve`; without any fluid there is no value.
     """
     real, vec, _, pair = types_of(spec)
     d, axis = spec.dimension, spec.open_axis
@@ -109,17 +111,17 @@ def make_fit(spec: Spec) -> Any:
     def terms(off: vec):
         result = row()
         result[0] = wp.float64(1.0)
-        result[1] = wp.float64(off[axis])
         a = wp.float64(off[first_across])
-        result[2] = a
+        result[1] = a
         if wp.static(d == 2):
-            result[3] = a * a
+            result[2] = a * a
         else:
             b = wp.float64(off[second_across])
-            result[3] = b
-            result[4] = a * a
-            result[5] = b * b
-            result[6] = a * b
+            result[2] = b
+            result[3] = a * a
+            result[4] = b * b
+            result[5] = a * b
+        result[wp.static(size - 1)] = wp.float64(off[axis])
         return result
 
     @wp.func
@@ -150,6 +152,7 @@ def make_fit(spec: Spec) -> Any:
         x0, x1 = window(c[0], grid.nx, px)
         y0, y1 = window(c[1], grid.ny, py)
         z0, z1 = window(c[2], grid.nz, pz)
+        spacings = real(1.0) / (params.inv_h * params.spacing)
         moment = square()
         right = table()  # a row for each of pressure and velocity, a column for each term
         for cz in range(z0, z1):
@@ -162,7 +165,7 @@ def make_fit(spec: Spec) -> Any:
                             off = separation(position[j], x, True, params) * params.inv_h
                             weight = wp.float64(shape(wp.length(off)) * state[j][1])
                             if weight > wp.float64(0.0):
-                                basis = terms(off)
+                                basis = terms(off * spacings)
                                 found = values_of()
                                 found[0] = wp.float64(state[j][0])
                                 for a in range(wp.static(d)):
@@ -176,15 +179,12 @@ def make_fit(spec: Spec) -> Any:
             result.valid = 1
             unit = row()
             unit[0] = wp.float64(1.0)
-            good, first = solve(moment / total, unit)
-            if good:
-                unit[0] = wp.float64(0.0)
-                unit[1] = wp.float64(1.0)
-                _, second = solve(moment / total, unit)
-                result.slope = wp.dot(right[0], second) / total * wp.float64(params.inv_h)
-                result.stretch = wp.dot(right[1 + axis], second) / total * wp.float64(params.inv_h)
-            else:
-                first = unit
+            first = solve(moment / total, unit)
+            unit[0] = wp.float64(0.0)
+            unit[wp.static(size - 1)] = wp.float64(1.0)
+            second = solve(moment / total, unit) / wp.float64(params.spacing)
+            result.slope = wp.dot(right[0], second) / total
+            result.stretch = wp.dot(right[1 + axis], second) / total
             result.pressure = wp.dot(right[0], first) / total
             for a in range(wp.static(d)):
                 result.velocity[a] = real(wp.dot(right[a + 1], first) / total)

@@ -13,7 +13,7 @@ from warpsph.kernels.core import clock as ck
 from warpsph.kernels.core.eos import make_eos
 from warpsph.kernels.core.fields import BUFFER, FLUID
 from warpsph.kernels.core.open_flow import make_excess, make_sponge
-from warpsph.kernels.core.side_fit import make_solve
+from warpsph.kernels.core.side_fit import LEAST_PIVOT, make_solve
 from warpsph.measure.flow_gauges import turns
 from warpsph.measure.totals import Motion
 from warpsph.running.model import Model
@@ -35,27 +35,58 @@ def test_density_of_a_pressure_is_the_inverse_of_the_equation_of_state(device, g
 
 @pytest.mark.parametrize("size", [4, 7])
 def test_solution_by_elimination(device, size):
-    """A symmetric positive system against NumPy; a singular one is told."""
+    """A symmetric positive system against NumPy; of a singular one the solution of the terms that it tells apart."""
     solve = make_solve(size)
     row = wp.types.vector(length=size, dtype=wp.float64)
     square = wp.types.matrix(shape=(size, size), dtype=wp.float64)
 
     @wp.kernel(module="unique", enable_backward=False)
-    def apply(m: wp.array(dtype=square), b: wp.array(dtype=row), x: wp.array(dtype=row), good: wp.array(dtype=int)):
-        found, solved = solve(m[0], b[0])
-        x[0] = solved
-        good[0] = int(found)
+    def apply(m: wp.array(dtype=square), b: wp.array(dtype=row), x: wp.array(dtype=row)):
+        x[0] = solve(m[0], b[0])
+
+    def solution(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
+        x = wp.zeros(1, dtype=row, device=device)
+        inputs = [wp.array([matrix], dtype=square, device=device), wp.array([right], dtype=row, device=device), x]
+        wp.launch(apply, dim=1, inputs=inputs, device=device)
+        return x.numpy()[0]
 
     random = np.random.default_rng(1)
     root = random.normal(size=(size, size))
     right = random.normal(size=size)
-    for matrix, told in ((root @ root.T + np.eye(size), 1), (np.ones((size, size)), 0)):
-        x, good = wp.zeros(1, dtype=row, device=device), wp.zeros(1, dtype=int, device=device)
-        inputs = [wp.array([matrix], dtype=square, device=device), wp.array([right], dtype=row, device=device), x, good]
-        wp.launch(apply, dim=1, inputs=inputs, device=device)
-        assert good.numpy()[0] == told
-        if told:
-            np.testing.assert_allclose(x.numpy()[0], np.linalg.solve(matrix, right), rtol=1e-9)
+    matrix = root @ root.T + np.eye(size)
+    np.testing.assert_allclose(solution(matrix, right), np.linalg.solve(matrix, right), rtol=1e-9)
+    expected = np.zeros(size)
+    expected[0] = 1.0
+    np.testing.assert_allclose(solution(np.ones((size, size)), np.ones(size)), expected, atol=1e-12)
+
+
+@pytest.mark.parametrize("scatter", [1e-6, 1e-3, 1e-2, 0.1])
+def test_a_column_of_particles_makes_no_slope(device, scatter):
+    """A column whose places scatter by less than 0.2 spacings, noise of 1: the slope stays below what 0.2 make of it."""
+    size = 4
+    solve = make_solve(size)
+    row = wp.types.vector(length=size, dtype=wp.float64)
+    square = wp.types.matrix(shape=(size, size), dtype=wp.float64)
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def apply(m: wp.array(dtype=square), b: wp.array(dtype=row), x: wp.array(dtype=row)):
+        k = wp.tid()
+        x[k] = solve(m[k], b[k])
+
+    random = np.random.default_rng(3)
+    count = 200
+    across = np.linspace(-2.0, 2.0, 9)
+    terms = np.stack([np.ones((count, 9)), *np.broadcast_arrays(across, across**2 * np.ones((count, 1)))], axis=2)
+    terms = np.concatenate([terms, -1.0 + scatter * random.normal(size=(count, 9, 1))], axis=2)
+    noise = random.uniform(-1.0, 1.0, size=(count, 9))
+    moments = np.einsum("ijk,ijl->ikl", terms, terms) / 9
+    rights = np.einsum("ij,ijk->ik", noise, terms) / 9
+    x = wp.zeros(count, dtype=row, device=device)
+    inputs = [wp.array(moments, dtype=square, device=device), wp.array(rights, dtype=row, device=device), x]
+    wp.launch(apply, dim=count, inputs=inputs, device=device)
+    slopes = np.abs(x.numpy()[:, -1])
+    assert slopes.max() <= 1.0 / np.sqrt(LEAST_PIVOT)
+    assert slopes.max() <= scatter / LEAST_PIVOT * 3.0
 
 
 def test_samples_of_a_signal_do_not_depend_on_the_end():
