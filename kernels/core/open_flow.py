@@ -112,6 +112,38 @@ def make_arrival(spec: Spec) -> Any:
 
 
 @functools.cache
+def make_site_sums(spec: Spec) -> Any:
+    """Return the kernel that adds up what arrives at the sites, over `side_stretches` stretches of each side.
+
+    site_sums: (pressure [Pa], velocity outwards [m/s], what is given, number) over the sites that have fluid before them.
+    """
+    OpenSide = make_open_side(spec.precision)
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def sum_sites(
+        first: int,
+        side_stretches: int,
+        open_sides: wp.array(dtype=OpenSide),
+        site_open: wp.array(dtype=wp.uint8),
+        site_arrival: wp.array(dtype=wp.vec3d),
+        site_sums: wp.array(dtype=wp.vec4d),
+    ):
+        m = wp.tid() + first
+        side = open_sides[m / side_stretches]
+        count = side.first_count * side.second_count
+        stretch = (count + side_stretches - 1) / side_stretches
+        begin = wp.min((m % side_stretches) * stretch, count)
+        total = wp.vec4d()
+        for k in range(side.first_site + begin, side.first_site + wp.min(begin + stretch, count)):
+            if site_open[k] == wp.uint8(1):
+                arrival = site_arrival[k]
+                total += wp.vec4d(arrival[0], arrival[1], arrival[2], wp.float64(1.0))
+        site_sums[m] = total
+
+    return sum_sites
+
+
+@functools.cache
 def make_side(spec: Spec) -> Any:
     """Return the kernel over the open sides: by how much what holds there differs from what is given, for sound to leave.
 
@@ -125,30 +157,21 @@ def make_side(spec: Spec) -> Any:
     OpenSide = make_open_side(spec.precision)
 
     @wp.func
-    def flow_given(
-        open_sides: wp.array(dtype=OpenSide), site_open: wp.array(dtype=wp.uint8), site_arrival: wp.array(dtype=wp.vec3d)
-    ):
-        """Whether a side gives a velocity, and the sum of those that come in over its sites."""
-        known = bool(False)
-        total = wp.float64(0.0)
-        for i in range(open_sides.shape[0]):
-            side = open_sides[i]
-            if side.gives_velocity == 1:
-                known = True
-                for k in range(side.first_site, side.first_site + side.first_count * side.second_count):
-                    if site_open[k] == wp.uint8(1):
-                        total -= site_arrival[k][2]
-        return known, total
+    def total_of(i: int, side_stretches: int, site_sums: wp.array(dtype=wp.vec4d)):
+        total = wp.vec4d()
+        for m in range(i * side_stretches, (i + 1) * side_stretches):
+            total += site_sums[m]
+        return total
 
     @wp.kernel(module="unique", enable_backward=False)
     def side_state(
         first: int,
         beginning: int,
+        side_stretches: int,
         clock: wp.array(dtype=wp.float64),
         phases: wp.array(dtype=Phase),
         open_sides: wp.array(dtype=OpenSide),
-        site_open: wp.array(dtype=wp.uint8),
-        site_arrival: wp.array(dtype=wp.vec3d),
+        site_sums: wp.array(dtype=wp.vec4d),
         side_memory: wp.array(dtype=wp.vec2d),
         side_excess: wp.array(dtype=wp.float64),
     ):
@@ -157,13 +180,9 @@ def make_side(spec: Spec) -> Any:
         side_excess[i] = wp.float64(0.0)
         if side.relaxation == wp.float64(0.0):
             return
-        mean = wp.vec3d()
-        count = wp.float64(0.0)
-        for k in range(side.first_site, side.first_site + side.first_count * side.second_count):
-            if site_open[k] == wp.uint8(1):
-                mean += site_arrival[k]
-                count += wp.float64(1.0)
-        mean /= wp.max(count, wp.float64(1.0))
+        total = total_of(i, side_stretches, site_sums)
+        count = wp.max(total[3], wp.float64(1.0))
+        mean = total / count
         z = wp.float64(phases[0].impedance)
         given = mean[2]
         going = mean[0] + z * mean[1]
@@ -174,9 +193,14 @@ def make_side(spec: Spec) -> Any:
         else:
             coming = wp.float64(2.0) * given - going
             made = wp.float64(2.0) * given
-            known, expected = flow_given(open_sides, site_open, site_arrival)
+            known = bool(False)
+            expected = wp.float64(0.0)  # the flow that comes in across the sides with a given velocity
+            for other in range(open_sides.shape[0]):
+                if open_sides[other].gives_velocity == 1:
+                    known = True
+                    expected -= total_of(other, side_stretches, site_sums)[2]
             if known:
-                speed = expected / wp.max(count, wp.float64(1.0))
+                speed = expected / count
                 made -= z * speed
         if beginning == 1:
             coming = mean[0] - z * speed

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -101,6 +102,8 @@ def arguments(found: OpenRun, case: Case, geometry: Geometry, physics: Physics, 
     fine = 1.0 if physics.acoustic > 0 else FINER
     samples, step = signal_samples(faces, case.end_time, physics.estimated_step() / fine)
     blocks = BLOCKS[spec.row_list]
+    # one after another on a CPU; on a GPU as many stretches as sites in each, so that no thread has many to add
+    stretches = 1 if spec.row_list else math.ceil(math.sqrt(max(len(face.position) for face in faces)))
 
     def array(values: Any, dtype: Any) -> Any:
         return wp.array(values, dtype=dtype, device=device)
@@ -122,6 +125,8 @@ def arguments(found: OpenRun, case: Case, geometry: Geometry, physics: Physics, 
         "sponge_velocity": array(sites("sponge_velocity"), vec),
         "given_velocity": wp.zeros(found.sites, dtype=vec, device=device),
         "site_arrival": wp.zeros(found.sites, dtype=wp.vec3d, device=device),
+        "side_stretches": stretches,
+        "site_sums": wp.zeros(len(faces) * stretches, dtype=wp.vec4d, device=device),
         "side_memory": wp.zeros(len(faces), dtype=wp.vec2d, device=device),
         "side_excess": wp.zeros(len(faces), dtype=wp.float64, device=device),
         "site_ahead": wp.full(found.sites, -0.5 * row, dtype=wp.float64, device=device),

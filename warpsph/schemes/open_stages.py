@@ -11,7 +11,7 @@ import warp as wp
 from warpsph.engine.program import Absent, Stage
 from warpsph.kernels.core.buffer_gradient import make_buffer_gradient
 from warpsph.kernels.core.crossing import BLOCKS, make_births, make_crossing, make_fill
-from warpsph.kernels.core.open_flow import make_arrival, make_buffer, make_face, make_side, make_sponge
+from warpsph.kernels.core.open_flow import make_arrival, make_buffer, make_face, make_side, make_site_sums, make_sponge
 from warpsph.kernels.core.spec import Spec
 
 
@@ -52,6 +52,7 @@ def open_flow(spec: Spec, beginning: int = 0) -> list[Stage]:
     start = {"beginning": beginning}
     return [
         Stage("open_arrival", make_arrival(spec), "site_side", "what arrives at inlets and outlets", start),
+        Stage("open_sums", make_site_sums(spec), "site_sums", "the means of these over each side"),
         Stage("open_side", make_side(spec), "open_sides", "sound that leaves", start),
         Stage("open_face", make_face(spec), "site_side", "pressure and velocity of inlets and outlets"),
         Stage("open_buffer", make_buffer(spec), "fluid", "the flow beyond inlets and outlets"),
@@ -76,5 +77,5 @@ def closed_sides(spec: Spec) -> list[Absent]:
     """Return what a step leaves out where no side is an inlet or an outlet, and why."""
     if spec.open_axis >= 0:
         return []
-    names = "open_arrival, open_side, open_face, open_buffer, crossing"
+    names = "open_arrival, open_sums, open_side, open_face, open_buffer, crossing"
     return [Absent(names, "no side of the domain is an inlet or an outlet")]
