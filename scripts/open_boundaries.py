@@ -79,7 +79,7 @@ def pulse(threads: int, scheme: str) -> None:
     """Print the table of pulses."""
     print("width/spacing  width/length  waves    relaxation  comes back  sqrt(pi) sigma w/L")
     for spacing, width in ((0.1, 0.5), (0.05, 0.5), (0.025, 0.5), (0.05, 0.25), (0.025, 0.25)):
-        for waves, sigma in (("leave", 1e-9), ("leave", 0.1), ("leave", 0.25), ("leave", 1.0), ("reflect", 0.1)):
+        for waves, sigma in (*(("leave", sigma) for sigma in (1e-9, 0.08, 0.1, 0.25, 1.0)), ("reflect", 0.1)):
             share = came_back(spacing, width, {"waves": waves, "relaxation": sigma}, threads, scheme)
             expected = np.sqrt(np.pi) * sigma * width / 4.0 if waves == "leave" else 1.0
             row = f"{width / spacing:13.0f}  {width / 4.0:12.3f}  {waves:7s}  {sigma:10.2g}  {share:10.4f}  {expected:.4f}"

@@ -53,7 +53,7 @@ class OpenSide(CaseModel):
     )
     waves: _Waves = Field(default="reflect", description="whether sound is thrown back", examples=["leave"])
     relaxation: Annotated[float, NumberRule(above=0, most=100)] = Field(
-        default=0.1,
+        default=0.08,
         description="rate at which the mean comes back to what is given where waves leave, in sound speeds over the length "
         "of the domain",
         examples=["0.25"],
