@@ -64,7 +64,8 @@ def stream(spacings: int) -> dict[str, Any]:
     from warpsph.case.case_file import load_case
 
     case = load_case(Path(__file__).parents[1] / "cases" / "cylinder_periodic.yaml")
-    data = case.replace({"particle_spacing": 1 / spacings}).to_dict()
+    narrow = {"domain.lower": [-8, -10], "domain.upper": [16, 10]}
+    data = case.replace({"particle_spacing": 1 / spacings, **narrow}).to_dict()
     return {key: value for key, value in data.items() if key not in ("reference", "validation", "gauges")}
 
 

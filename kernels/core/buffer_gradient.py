@@ -18,7 +18,7 @@ from .params import make_params
 from .smoothing import make_smoothing
 from .spec import SWEEP_OPTIONS, Spec, types_of
 
-THIN = 0.2  # least eigenvalue below which a moment is not inverted
+LEAST_EIGENVALUE = 0.2  # least eigenvalue below which a moment is not inverted
 
 
 @functools.cache
@@ -71,7 +71,7 @@ def make_buffer_gradient(spec: Spec) -> Any:
             moment -= wp.outer(d, fd)
         gradient = slope_p * params.g_norm
         moment = moment * params.g_norm
-        if least_eigenvalue(moment) > real(THIN):
+        if least_eigenvalue(moment) > real(LEAST_EIGENVALUE):
             gradient = wp.inverse(moment) * gradient
         pressure_gradient[i] = gradient
 

@@ -14,7 +14,7 @@ import warp as wp
 from .clock import TIME
 from .eigenvalue import make_least_eigenvalue
 from .mirror import code_shift, make_images, make_sides
-from .origins import NEXT, SLOT, THIN
+from .origins import LEAST_EIGENVALUE, NEXT, SLOT
 from .pair import WRAPPED, list_access
 from .params import make_params
 from .smoothing import make_smoothing
@@ -162,7 +162,7 @@ def make_follow(spec: Spec) -> Any:
             high = wp.max(high, other)
         moment = moment * params.g_norm
         change = row()
-        if least_eigenvalue(moment) > real(THIN):
+        if least_eigenvalue(moment) > real(LEAST_EIGENVALUE):
             change = spread * (wp.inverse(moment) * dx * params.g_norm)
             change = wp.max(low, wp.min(high, change))
         else:

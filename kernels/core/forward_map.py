@@ -13,7 +13,7 @@ import warp as wp
 from .cells import make_grid
 from .eigenvalue import make_least_eigenvalue
 from .lyapunov import make_oldest, make_rate
-from .origins import THIN
+from .origins import LEAST_EIGENVALUE
 from .params import make_params
 from .smoothing import make_smoothing
 from .spec import Spec, origins_type, types_of
@@ -132,7 +132,7 @@ def make_forward(spec: Spec) -> Any:
                         spread += wp.outer(seed_now[j] - seed_now[i] - lift, fd)
         moment = moment * params.g_norm
         rate = real(0.0)
-        if seed_weight[i] > real(0.0) and least_eigenvalue(moment) > real(THIN):
+        if seed_weight[i] > real(0.0) and least_eigenvalue(moment) > real(LEAST_EIGENVALUE):
             rate = stretching_rate(spread * params.g_norm * wp.inverse(moment), ftle_age[i])
         ftle_forward[i] = rate
 

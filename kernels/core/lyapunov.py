@@ -11,7 +11,7 @@ import warp as wp
 from .clock import TIME
 from .eigenvalue import make_least_eigenvalue
 from .mirror import code_shift, make_images, make_sides
-from .origins import THIN
+from .origins import LEAST_EIGENVALUE
 from .pair import WRAPPED, list_access
 from .params import make_params
 from .smoothing import make_smoothing
@@ -130,7 +130,7 @@ def make_backward(spec: Spec) -> Any:
         if wp.static(spec.changing):
             age = wp.min(age, real(clock[TIME]) - born[i])
         rate = real(0.0)
-        if least_eigenvalue(moment) > real(THIN):
+        if least_eigenvalue(moment) > real(LEAST_EIGENVALUE):
             rate = stretching_rate(spread * params.g_norm * wp.inverse(moment), age)
         ftle_backward[i] = rate
         ftle_age[i] = age

@@ -8,7 +8,7 @@ import warp as wp
 from .cells import make_grid
 from .spec import Spec, origins_type, types_of
 
-THIN = 0.025  # least eigenvalue of a moment of the fluid below which there is no gradient; at a flat wall it is 1/2
+LEAST_EIGENVALUE = 0.025  # of a moment of the fluid, below which there is no gradient; at a flat wall it is 1/2
 # entries of `window_turn`
 NEXT = 0  # number of the next start of a window, counted from time 0
 SLOT = 1  # window that begins anew in this step, -1: none

@@ -15,7 +15,7 @@ from typing import Any
 
 import warp as wp
 
-from warpsph.kernels.core.buffer_gradient import THIN
+from warpsph.kernels.core.buffer_gradient import LEAST_EIGENVALUE
 from warpsph.kernels.core.clock import MAXIMA, SPEED, STEP
 from warpsph.kernels.core.eigenvalue import make_least_eigenvalue
 from warpsph.kernels.core.fields import FLUID
@@ -216,7 +216,7 @@ def make_delta_momentum(spec: Spec, measuring: bool = True) -> Any:
             wholeness[i] = whole
         if wp.static(diffuses):
             gradient = slope_p * g_norm
-            if whole > real(THIN):
+            if whole > real(LEAST_EIGENVALUE):
                 gradient = wp.inverse(moment) * gradient
             pressure_gradient[i] = gradient
         if wp.static(shifts):

@@ -58,7 +58,7 @@ def surface_load(spec: Spec) -> list[Stage]:
     # a build of the list may have moved the rows since the fit
     return [
         Stage("wall_fit", make_wall_fit(spec), "wall", "linear fit of the flow before the walls"),
-        Stage("wall_load", make_surface_load(spec), "wall", "wall-force gauge, over the surface"),
+        Stage("surface_load", make_surface_load(spec), "wall", "wall-force gauge, over the surface"),
     ]
 
 

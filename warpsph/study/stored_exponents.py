@@ -24,7 +24,7 @@ from warpsph.snapshot import Snapshot
 from warpsph.study.plot import Frame, choose_frames, phase_names, read_frame, read_series, save_frames
 
 DIRECTIONS = ("backward", "forward")
-THIN = 0.025  # least eigenvalue of a neighbourhood over the mean of them, below which there is no gradient
+LEAST_EIGENVALUE = 0.025  # least eigenvalue of a neighbourhood over the mean of them, below which there is no gradient
 REACH = 3.0  # spacings within which particles are neighbours, the usual support of the schemes
 ROWS = 100_000  # particles that are worked on at a time
 
@@ -149,7 +149,7 @@ def exponents(place: np.ndarray, way: np.ndarray, age: float, support: float, bo
         moment = np.einsum("nka,nkb->nab", arm, weighted)
         spread = np.einsum("nka,nkb->nab", way[other] - way[rows, None], weighted)
         eigenvalues = np.linalg.eigvalsh(moment)
-        whole = eigenvalues[:, 0] > THIN * eigenvalues.mean(axis=1)
+        whole = eigenvalues[:, 0] > LEAST_EIGENVALUE * eigenvalues.mean(axis=1)
         gradient = np.eye(d) + spread[whole] @ np.linalg.inv(moment[whole])
         largest = np.linalg.svd(gradient, compute_uv=False)[:, 0]
         values = np.zeros(len(whole))
