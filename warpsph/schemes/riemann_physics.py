@@ -5,8 +5,9 @@ Everything a user may leave `auto` is decided here, from the physics given, and 
 
 from __future__ import annotations
 
+import dataclasses
 import math
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
@@ -26,10 +27,12 @@ from warpsph.scene.physics import (
     tension_matrix,
 )
 from warpsph.schemes.flow_through import check_filled
+from warpsph.schemes.viscous_steps import reach, worth
 
 if TYPE_CHECKING:
     from warpsph.case.case import Case
     from warpsph.scene.geometry import Geometry
+    from warpsph.schemes.riemann_numerics import RiemannNumerics
 
 # Mach number squared that a weakly compressible fluid may reach: density varies by about 1 %.
 COMPRESSION = 0.01
@@ -182,6 +185,12 @@ def derive(case: Case, geometry: Geometry, row_list: bool = True) -> Physics:
         sponge=any(flow.sponge is not None for _, _, _, flow in open_sides(case)),
         row_list=row_list,
     )
+    acoustic = float(choices["courant"]) * h / (max(wanted) + scales["velocity"])
+    stages, reason = friction_stages(case, spec, {**step_limits(case, spec, h, tension), "sound": acoustic})
+    choices["viscous_stages"] = stages
+    if reason:
+        reasons["viscous_stages"] = reason
+    spec = dataclasses.replace(spec, viscous_stages=stages)
     cap = step_limits(case, spec, h, tension)
     check_periods(case, geometry, support * (1.0 + float(choices["skin"])))
     return Physics(
@@ -272,7 +281,7 @@ def step_limits(case: Case, spec: Spec, h: float, tension: np.ndarray) -> dict[s
                     mu = a.viscosity if a is b else 2 * a.viscosity * b.viscosity / (a.viscosity + b.viscosity)
                     nu = max(nu, mu / a.density)
         if nu > 0:
-            limits["viscosity"] = VISCOUS_LIMIT[spec.viscosity] * h * h / nu
+            limits["viscosity"] = reach(spec.viscous_stages) * VISCOUS_LIMIT[spec.viscosity] * h * h / nu
     if spec.tension != "none":
         limit = math.inf
         for i, a in enumerate(phases):
@@ -285,6 +294,27 @@ def step_limits(case: Case, spec: Spec, h: float, tension: np.ndarray) -> dict[s
     if case.numerics.maximum_step is not None:
         limits["maximum_step"] = float(case.numerics.maximum_step)
     return limits
+
+
+def friction_stages(case: Case, spec: Spec, limits: dict[str, float]) -> tuple[int, str]:
+    """Return the stages of friction in a step, and why so many where the case leaves it open (theory: riemann#stages).
+
+    limits: of the time step by name, that of explicit friction among them [s].
+
+    Raises:
+        CaseError: the case asks for stages that walls with a surface of their own do not have.
+    """
+    given = cast("RiemannNumerics", case.numerics).viscous_stages
+    friction = limits.get("viscosity", math.inf)
+    longest = min((limit for name, limit in limits.items() if name != "viscosity"), default=math.inf)
+    if given != "auto":
+        if int(given) > 1 and spec.bodies:
+            rule = "needs walls that are sides of the domain or whole cells at rest: others answer friction with a fit"
+            raise CaseError([Problem("numerics.viscous_stages", given, rule, "write auto or 1")])
+        return (int(given) if spec.viscosity != "none" else 1), ""
+    if spec.viscosity == "none" or spec.bodies or spec.open_axis >= 0:
+        return 1, "no viscosity, or bodies, inlets or outlets"
+    return worth(longest / friction), f"explicit friction allows steps of {friction:.3g} s, all else of {longest:.3g} s"
 
 
 def fitted_walls(case: Case, geometry: Geometry) -> bool:
