@@ -221,12 +221,12 @@ def derive_of(stages, **changes):
 
 
 def test_auto_takes_what_other_limits_leave():
-    found = derive_of("auto")
+    found = derive_of("auto", particle_spacing=1 / 64)
     assert found.spec.viscous_stages == found.choices["viscous_stages"] > 2
     assert "explicit friction allows steps of" in found.reasons["viscous_stages"]
-    assert derive_of("auto", numerics__maximum_step=1e-5).spec.viscous_stages == 1
+    assert derive_of("auto", particle_spacing=1 / 64, numerics__maximum_step=1e-5).spec.viscous_stages == 1
     thin = {"phases": {name: {"density": 1} for name in ("thick", "thin")}}
-    assert derive_of("auto", **thin).spec.viscous_stages == 1
+    assert derive_of("auto", particle_spacing=1 / 64, **thin).spec.viscous_stages == 1
     assert derive_of(5, **thin).spec.viscous_stages == 1
     assert case_of(COUETTE).numerics.viscous_stages == 1
 
@@ -256,3 +256,16 @@ def test_stages_are_shown():
     names = [stage.name for stage in riemann_program.program(spec).stages() if stage.name == "viscous_stage"]
     assert len(names) == 2 * 4  # of a step and of the start
     assert viscous_steps.viscous_stages(spec_of(stages=1)) == []
+
+
+def test_auto_follows_a_channel_that_starts():
+    """The step stays at 0.002 L^2/nu where sound would allow more, and stages are no more than that needs."""
+    channel = {
+        "phases": {"thick": {"density": 1, "viscosity": 1, "sound_speed": 0.3}},
+        "fluids": [{"phase": "thick", "shape": "rest"}], "particle_spacing": 1 / 64, "body_force": [0.02, 0.0],
+    }  # fmt: skip
+    found = derive_of("auto", **channel)
+    explicit = derive_of(1, **channel).estimated_step()
+    assert 5 * explicit < found.estimated_step() == pytest.approx(0.002 * 0.5**2)
+    assert reach(found.spec.viscous_stages - 1) * explicit < 0.002 * 0.5**2 <= found.step_cap["viscosity"]
+    assert "change by friction" not in derive_of(8, **channel).step_cap
