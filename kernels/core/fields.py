@@ -35,6 +35,11 @@ def no_slip(spec: Spec) -> bool:
     return spec.wall_no_slip
 
 
+def staged_walls(spec: Spec) -> bool:
+    """Runs with friction on walls in stages."""
+    return spec.wall_no_slip and spec.viscous_stages > 1
+
+
 def depths(spec: Spec) -> bool:
     """Runs in which wall particles know how far behind the surface they are."""
     return spec.wall_no_slip or spec.bodies
@@ -184,6 +189,7 @@ FLOW: tuple[Field, ...] = (
     Field("surface_velocity", "vec", "wall", False, bodies, "m/s", "of the fluid at the foot, for the first layer"),
     Field("surface_bend", "vec", "wall", False, bodies, "1/(m s)", "half the second derivative of v along the normal"),
     Field("mirror_velocity", "vec", "wall", True, depths, "m/s", "velocity that friction on the wall sees"),
+    Field("mirror_ratio", "real", "wall", False, staged_walls, "-", "velocity mirrored over that which is mirrored"),
     Field("origin", "origins", "fluid", True, windowed, "m", "place at the start of each window, see `flow_map`"),
     Field("origin_change", "origins", "fluid", True, windowed_shifting, "m", "what the coming shift makes of it"),
     Field("born", "real", "fluid", True, windowed_changing, "s", "time of birth"),

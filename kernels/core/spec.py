@@ -33,6 +33,7 @@ class Spec:
         wall_sound: beside such walls, sound would grow without the measures of `wall_fit`.
         wall_no_slip: some wall exerts viscous friction (then `viscosity` is not "none").
         viscosity: "none", "morris", "radial" or "paper".
+        viscous_stages: stages of friction in a step, 1 where it is explicit (riemann).
         tension: "none", "pressure_jump" or "body_force".
         contact_angle: interfaces meet walls at given angles.
         interface: interface normals are evaluated: with tension in every step, else where a gauge asks for them.
@@ -83,6 +84,7 @@ class Spec:
     wall_sound: bool = False
     wall_no_slip: bool = False
     viscosity: str = "none"
+    viscous_stages: int = 1
     tension: str = "none"
     contact_angle: bool = False
     interface: bool = False

@@ -57,6 +57,7 @@ def make_wall(spec: Spec) -> Any:
         state: wp.array(dtype=pair),
         wall_depth: wp.array(dtype=real),
         mirror_velocity: wp.array(dtype=vec),
+        mirror_ratio: wp.array(dtype=real),
     ):
         w = wp.tid() + first
         i = w + fluid_count
@@ -104,6 +105,8 @@ def make_wall(spec: Spec) -> Any:
                 depth = wall_depth[w]
                 if depth > real(0.0):
                     ratio = depth / wp.max(wp.length(reach) / weight - depth, real(0.25) * params.spacing)
+                if wp.static(spec.viscous_stages > 1):
+                    mirror_ratio[w] = ratio
             v = own_velocity + (own_velocity - v / weight) * ratio
         else:
             p = real(0.0)

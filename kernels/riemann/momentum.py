@@ -501,8 +501,9 @@ def make_momentum(spec: Spec) -> Any:
             s2 = wp.dot(dx, dx)
             if s2 > maxima[slot * MAXIMA + 3]:
                 wp.atomic_max(maxima, slot * MAXIMA + 3, s2)
-        a2 = wp.dot(a, a)
-        if a2 > maxima[slot * MAXIMA + 1]:
-            wp.atomic_max(maxima, slot * MAXIMA + 1, a2)
+        if wp.static(spec.viscous_stages == 1):
+            a2 = wp.dot(a, a)
+            if a2 > maxima[slot * MAXIMA + 1]:
+                wp.atomic_max(maxima, slot * MAXIMA + 1, a2)
 
     return momentum

@@ -24,6 +24,10 @@ def _bodies_corrected(spec: Spec) -> bool:
     return bodies(spec) and spec.corrected
 
 
+def _staged(spec: Spec) -> bool:
+    return spec.viscous_stages > 1
+
+
 def _sided(spec: Spec) -> bool:
     return spec.multiphase and not spec.paper_star
 
@@ -35,6 +39,8 @@ RIEMANN_FIELDS: tuple[Field, ...] = (
     Field("state_old", "pair", "fluid", False, always, "Pa, m^d", "state before the continuity sweep"),
     Field("wall_impact", "real", "fluid", True, walls, "Pa", "what a wall adds to the pressure of an impact"),
     Field("pressure_gradient", "vec", "fluid", True, _bodies_corrected, "Pa/m", "of the own phase"),
+    Field("rate_odd", "vec", "fluid", False, _staged, "m/s^2", "y of the odd stages of friction"),
+    Field("rate_even", "vec", "fluid", False, _staged, "m/s^2", "y of the even ones"),
     Field("velocity_gradient", "mat", "fluid", False, _sided, "1/s", "grad v of the own phase, next to an interface"),
     Field("facing", "vec", "fluid", False, _sided, "-", "unit vector to the other phases, next to an interface"),
     Field("fraction", "real", "fluid", False, _interface, "-", "share of the own phase around a particle"),

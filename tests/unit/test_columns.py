@@ -25,6 +25,7 @@ FIELDS = ["velocity", "pressure", "volume"]
 WHERE = {
     "force_coefficients": {"speed": 1, "length": 0.4, "area": 0.1, "lift": [0, 0, 1], "phase": "water"},
     "surface_stress": {"speed": 1, "density": 1},
+    "fragments": {"phases": ["oil"], "largest": 2},
     "elevation": {"places": [[0.1, 0.1], [0.5, 0.1]]},
     "points": {"points": [[0.1] * 3], "fields": FIELDS},
     "line": {"from": [0.1] * 3, "to": [0.9] * 3, "count": 3, "fields": FIELDS},
@@ -52,6 +53,15 @@ EXPECTED = {
         "|".join(f"{name} {phase}" for phase in ("water", "oil") for name in (*SAMPLED.split()[3:6], "max_speed")), {"m/s"}
     ),
     "strays": ("water|oil", {"1"}),
+    "deformation": (
+        "|".join(
+            f"{name} {phase}"
+            for phase in ("water", "oil")
+            for name in "long_axis middle_axis short_axis deformation direction_x direction_y direction_z".split()
+        ),
+        {"m", "1"},
+    ),
+    "fragments": ("count oil|volume_1 oil|volume_2 oil|rest oil", {"1", "m^3"}),
     "wall_force": (
         "|".join(f"force_{axis}{body}" for body in ("", " domain", " ball") for axis in "xyz")
         + "".join(f"|{part}_{axis} ball" for part in ("pressure", "friction", "torque") for axis in "xyz"),
@@ -112,6 +122,7 @@ def test_the_case_knows_the_columns(kind):
 def test_each_type_of_gauge_has_a_model_columns_and_a_measurement():
     assert set(GAUGES) == set(gauges.GAUGES)
     written = {kind: {"type": kind, "interval": 0.1, **WHERE.get(kind, {})} for kind in GAUGES}
+    written["fragments"] |= {"phases": [next(iter(case_of(FULL).phases))]}
     written["elevation"] |= {"places": [[0.1]]}
     written["points"] |= {"points": [[0.1] * 2]}
     for kind in ("line", "reattachment"):

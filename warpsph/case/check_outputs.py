@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from warpsph.case.checking import check_length, check_often, each, extent_of
+from warpsph.case.checking import check_length, check_often, each, extent_of, known_phase
 from warpsph.case.coefficients import check_coefficients, check_surface_stress
 from warpsph.case.domain import AXES
 from warpsph.case.drafts import Problems, guarded
@@ -79,6 +79,9 @@ def _check_gauge(case: Any, name: Any, gauge: Any) -> Problems:
     elif gauge.type == "contour":
         if case.dimension != 2:
             yield Problem(f"{path}.type", gauge.type, "needs dimension: 2", "use extents")
+    elif gauge.type in ("deformation", "fragments"):
+        for position, phase in enumerate(gauge.phases or ()):
+            yield from known_phase(case, f"{path}.phases.{position}", phase)
     elif gauge.type == "interface_length":
         if len(case.phases) < 2:
             yield Problem(f"{path}.type", gauge.type, "needs at least two phases", "delete the gauge")

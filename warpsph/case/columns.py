@@ -175,6 +175,20 @@ def _contour(spec: Any, case: Any, phases: _Names, axes: _Names) -> list[Column]
     return result
 
 
+def _deformation(spec: Any, case: Any, phases: _Names, axes: _Names) -> list[Column]:
+    lengths = ("long_axis", "short_axis") if len(axes) == 2 else ("long_axis", "middle_axis", "short_axis")
+    lies = [("angle", "rad")] if len(axes) == 2 else [(f"direction_{axis}", "1") for axis in axes]
+    units = [*((name, "m") for name in lengths), ("deformation", "1"), *lies]
+    return [Column(f"{name} {phase}", unit) for phase in spec.phases or phases for name, unit in units]
+
+
+def _fragments(spec: Any, case: Any, phases: _Names, axes: _Names) -> list[Column]:
+    unit, size = _unit(axes, "m^3", "m^2"), _unit(axes, "volume", "area")
+    sizes = [f"{size}_{number}" for number in range(1, spec.largest + 1)]
+    units = [("count", "1"), *((name, unit) for name in (*sizes, "rest"))]
+    return [Column(f"{name} {phase}", unit) for phase in spec.phases or phases for name, unit in units]
+
+
 def _phase_velocity(spec: Any, case: Any, phases: _Names, axes: _Names) -> list[Column]:
     names = (*(f"velocity_{axis}" for axis in axes), "max_speed")
     return [Column(f"{name} {phase}", "m/s") for phase in phases for name in names]
@@ -264,6 +278,8 @@ _COLUMNS: dict[str, Callable[[Any, Any, _Names, _Names], list[Column]]] = {
     "interface_length": _interface_length,
     "extents": _extents,
     "contour": _contour,
+    "deformation": _deformation,
+    "fragments": _fragments,
     "phase_velocity": _phase_velocity,
     "strays": _strays,
     "wall_force": _wall_force,

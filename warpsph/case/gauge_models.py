@@ -93,6 +93,29 @@ class ContourGauge(GaugeModel):
     )
 
 
+_Phases = Annotated[tuple[Name, ...] | None, BeforeValidator(as_list)]
+
+
+class DeformationGauge(GaugeModel):
+    """Deformation and orientation of each phase."""
+
+    type: Literal["deformation"] = Field(description="semi-axes, deformation and orientation of drops by second moments")
+    phases: _Phases = Field(default=None, description="which phases (default: all)", examples=["[drop]"])
+
+
+class FragmentsGauge(GaugeModel):
+    """The pieces that each phase is in."""
+
+    type: Literal["fragments"] = Field(description="pieces that a phase is in, and their volumes")
+    phases: _Phases = Field(default=None, description="which phases (default: all)", examples=["[drop]"])
+    largest: Annotated[int, NumberRule(least=1, most=100, integer=True)] = Field(
+        default=3, description="how many of the largest pieces have a column of their own", examples=["3"]
+    )
+    least: Annotated[int, NumberRule(least=1, most=1_000_000, integer=True)] = Field(
+        default=5, description="fewest particles that count as a piece", examples=["5"]
+    )
+
+
 class PhaseVelocityGauge(GaugeModel):
     """Mean velocity of each phase."""
 
@@ -257,6 +280,8 @@ GAUGES: dict[str, type[GaugeModel]] = {
     "interface_length": InterfaceLengthGauge,
     "extents": ExtentsGauge,
     "contour": ContourGauge,
+    "deformation": DeformationGauge,
+    "fragments": FragmentsGauge,
     "phase_velocity": PhaseVelocityGauge,
     "strays": StraysGauge,
     "wall_force": WallForceGauge,
@@ -318,6 +343,8 @@ Gauge = Annotated[
     | Annotated[InterfaceLengthGauge, Tag("<interface_length>")]
     | Annotated[ExtentsGauge, Tag("<extents>")]
     | Annotated[ContourGauge, Tag("<contour>")]
+    | Annotated[DeformationGauge, Tag("<deformation>")]
+    | Annotated[FragmentsGauge, Tag("<fragments>")]
     | Annotated[PhaseVelocityGauge, Tag("<phase_velocity>")]
     | Annotated[StraysGauge, Tag("<strays>")]
     | Annotated[WallForceGauge, Tag("<wall_force>")]

@@ -8,6 +8,8 @@
 | phase_pressure | the name of each phase, `gas - liquid` ..., max, min |
 | extents | `lowest_x gas`, `highest_x gas`, `centroid_x gas`, `semi_axis_x gas`, `front gas`, `area gas` ... |
 | contour | `perimeter gas`, `circularity gas`, `filling gas`, `lowest_x gas`, `highest_x gas` ... (2-D) |
+| deformation | `long_axis gas`, `short_axis gas`, `deformation gas`, `angle gas` (3-D: `direction_x gas` ...) ... |
+| fragments | `count gas`, `area_1 gas` (3-D: `volume_1 gas`) ..., `rest gas` ... |
 | phase_velocity | `velocity_x gas` ..., `max_speed gas` |
 | strays | the name of each phase |
 | interface_length | interface_length |
@@ -43,6 +45,7 @@ from warpsph.case.columns import OWN_COLUMNS, Column
 from warpsph.case.gauge_models import REGISTERED, GaugeModel
 from warpsph.errors import CaseError, Problem, listed
 from warpsph.files.output import Schedule
+from warpsph.measure.drop_gauges import DeformationGauge, FragmentsGauge
 from warpsph.measure.elevation import ElevationGauge
 from warpsph.measure.flow_gauges import FlowRateGauge, ReattachmentGauge
 from warpsph.measure.gauge import Gauge, Needs
@@ -70,6 +73,8 @@ GAUGES: dict[str, type[Gauge]] = {
     "phase_pressure": PhasePressureGauge,
     "extents": ExtentsGauge,
     "contour": ContourGauge,
+    "deformation": DeformationGauge,
+    "fragments": FragmentsGauge,
     "phase_velocity": PhaseVelocityGauge,
     "strays": StraysGauge,
     "interface_length": InterfaceLengthGauge,

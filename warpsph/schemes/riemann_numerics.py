@@ -29,6 +29,12 @@ class RiemannNumerics(NumericsBase):
         description="viscous term. auto: morris, radial with surface tension or a free surface (paper: paper)",
         examples=["auto"],
     )
+    viscous_stages: Annotated[int | Auto, NumberRule(least=1, most=50, integer=True, auto=True)] = Field(
+        default=1,
+        description="stages of friction in a step, for steps longer than explicit friction allows: 1 (explicit), or 3 and "
+        "more. auto: as many as make a run fastest, 1 with bodies, inlets or outlets",
+        examples=["auto"],
+    )
     shifting: Annotated[float | Auto, NumberRule(least=0, most=20, auto=True)] = Field(
         default="auto",
         description="coefficient of particle shifting. auto: 16 with corrected, 0 with conservative",

@@ -5,8 +5,9 @@ Everything a user may leave `auto` is decided here, from the physics given, and 
 
 from __future__ import annotations
 
+import dataclasses
 import math
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
@@ -26,10 +27,12 @@ from warpsph.scene.physics import (
     tension_matrix,
 )
 from warpsph.schemes.flow_through import check_filled
+from warpsph.schemes.viscous_steps import reach, worth
 
 if TYPE_CHECKING:
     from warpsph.case.case import Case
     from warpsph.scene.geometry import Geometry
+    from warpsph.schemes.riemann_numerics import RiemannNumerics
 
 # Mach number squared that a weakly compressible fluid may reach: density varies by about 1 %.
 COMPRESSION = 0.01
@@ -51,6 +54,9 @@ ROOM_RATE = 2.0
 # Displacement that breaks the symmetry of a lattice, in particle spacings: for the corrected gradient a perfect lattice
 # that is sheared is a balance on a knife's edge, which ends in voids.
 UNLOCK = 0.05
+# Step of friction in stages over L^2/nu where `auto` chooses their number: half of it changes the start of a channel flow by
+# 0.05 % of its speed, six times as much by 1 % (docs/records/shear.md).
+CHANGE = 0.002
 # Bulk viscosity over rho c h: double of it damps little more, four times as much is beyond what walls with a fit bear
 # (docs/records/open_boundaries.md).
 DAMPING = 0.25
@@ -182,7 +188,15 @@ def derive(case: Case, geometry: Geometry, row_list: bool = True) -> Physics:
         sponge=any(flow.sponge is not None for _, _, _, flow in open_sides(case)),
         row_list=row_list,
     )
-    cap = step_limits(case, spec, h, tension)
+    sound = float(choices["courant"]) * h / (max(wanted) + scales["velocity"])
+    explicit = {**step_limits(case, spec, h, tension), "sound": sound}
+    change = friction_change(spec, explicit, h, scales["length"])
+    stages, reason = friction_stages(case, spec, {**explicit, **change})
+    choices["viscous_stages"] = stages
+    if reason:
+        reasons["viscous_stages"] = reason
+    spec = dataclasses.replace(spec, viscous_stages=stages)
+    cap = step_limits(case, spec, h, tension) | (change if reason and stages > 1 else {})
     check_periods(case, geometry, support * (1.0 + float(choices["skin"])))
     return Physics(
         spec=spec,
@@ -272,7 +286,7 @@ def step_limits(case: Case, spec: Spec, h: float, tension: np.ndarray) -> dict[s
                     mu = a.viscosity if a is b else 2 * a.viscosity * b.viscosity / (a.viscosity + b.viscosity)
                     nu = max(nu, mu / a.density)
         if nu > 0:
-            limits["viscosity"] = VISCOUS_LIMIT[spec.viscosity] * h * h / nu
+            limits["viscosity"] = reach(spec.viscous_stages) * VISCOUS_LIMIT[spec.viscosity] * h * h / nu
     if spec.tension != "none":
         limit = math.inf
         for i, a in enumerate(phases):
@@ -285,6 +299,38 @@ def step_limits(case: Case, spec: Spec, h: float, tension: np.ndarray) -> dict[s
     if case.numerics.maximum_step is not None:
         limits["maximum_step"] = float(case.numerics.maximum_step)
     return limits
+
+
+def friction_change(spec: Spec, limits: dict[str, float], h: float, length: float) -> dict[str, float]:
+    """Return the step [s] up to which friction in stages follows a flow of a length [m] that starts or stops, by name.
+
+    limits: of the time step by name, that of explicit friction among them [s]; h: smoothing length [m].
+    """
+    if "viscosity" not in limits:
+        return {}
+    friction = limits["viscosity"]
+    return {"change by friction": max(CHANGE * (length / h) ** 2 / VISCOUS_LIMIT[spec.viscosity], 1.0) * friction}
+
+
+def friction_stages(case: Case, spec: Spec, limits: dict[str, float]) -> tuple[int, str]:
+    """Return the stages of friction in a step, and why so many where the case leaves it open (theory: riemann#stages).
+
+    limits: of the time step by name, that of explicit friction among them [s].
+
+    Raises:
+        CaseError: the case asks for stages that walls with a surface of their own do not have.
+    """
+    given = cast("RiemannNumerics", case.numerics).viscous_stages
+    friction = limits.get("viscosity", math.inf)
+    longest = min(limit for name, limit in limits.items() if name != "viscosity")
+    if given != "auto":
+        if int(given) > 1 and spec.bodies:
+            rule = "needs walls that are sides of the domain or whole cells at rest: others answer friction with a fit"
+            raise CaseError([Problem("numerics.viscous_stages", given, rule, "write auto or 1")])
+        return (int(given) if spec.viscosity != "none" else 1), ""
+    if spec.viscosity == "none" or spec.bodies or spec.open_axis >= 0:
+        return 1, "no viscosity, or bodies, inlets or outlets"
+    return worth(longest / friction), f"explicit friction allows steps of {friction:.3g} s, all else of {longest:.3g} s"
 
 
 def fitted_walls(case: Case, geometry: Geometry) -> bool:

@@ -22,6 +22,7 @@ from warpsph.kernels.riemann.momentum import make_momentum
 from warpsph.kernels.riemann.volume import make_volume
 from warpsph.schemes.map_stages import exponents, follow_shift, windows
 from warpsph.schemes.open_stages import buffer_gradient, closed_sides, crossing, fill, open_flow, sponge
+from warpsph.schemes.viscous_steps import viscous_stages
 from warpsph.schemes.wall_stages import bodies, moving_sides, signals, surface_load, walls, walls_ahead
 
 
@@ -61,6 +62,7 @@ def step(spec: Spec) -> list[Node]:
         *([Rarely(rare)] if rare else []),
         *buffer_gradient(spec, spec.bodies and spec.corrected),
         Stage("momentum", make_momentum(spec), "fluid", "acceleration from star pressures"),
+        *viscous_stages(spec),
         *follow_shift(spec),
         *sponge(spec),
         advance(spec),
@@ -98,6 +100,7 @@ def start(spec: Spec) -> list[Node]:
         *tension(spec),
         *buffer_gradient(spec, spec.bodies and spec.corrected),
         Stage("momentum", make_momentum(spec), "fluid", "first acceleration"),
+        *viscous_stages(spec),
         *follow_shift(spec),
     ]
 
@@ -163,6 +166,8 @@ def absent(spec: Spec) -> list[Absent]:
         rows.append(Absent("contact_normal", "no contact_angle in surface_tension: walls take no part in the interfaces"))
     if spec.viscosity == "none":
         rows.append(Absent("viscous term", "all viscosities are zero"))
+    elif spec.viscous_stages == 1:
+        rows.append(Absent("viscous_stage", "numerics.viscous_stages is 1: friction is explicit"))
     if not spec.gravity:
         rows.append(Absent("gravity", "gravity is zero"))
     if not spec.body_force:

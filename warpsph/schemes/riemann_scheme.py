@@ -44,6 +44,12 @@ class RiemannScheme(FlowThrough):
         if damping != "auto" and damping > 0 and len(case.phases) > 1:
             rule = "is for one fluid: at an interface the two sides would be compressed by different pressures"
             yield Problem("numerics.acoustic_damping", damping, rule, "write auto or 0")
+        stages = case.numerics.viscous_stages
+        if stages == 2:
+            yield Problem("numerics.viscous_stages", stages, "needs 1, or 3 and more", "write 3, 1 or auto")
+        if stages != "auto" and stages > 1 and case.has_flow_through:
+            rule = "knows no inlets and outlets: what a buffer does is not friction's to change"
+            yield Problem("numerics.viscous_stages", stages, rule, "write auto or 1")
         yield from held_volume(case)
 
     def derive(self, case: Any, geometry: Geometry, row_list: bool) -> Physics:
