@@ -70,7 +70,7 @@ def test_the_scheme_decides_the_model():
     assert not hasattr(case_with().numerics, "time_order") and not hasattr(case_with(scheme="isph").numerics, "star_states")
 
 
-@pytest.mark.parametrize("name", ["riemann", "isph", "delta_plus"])
+@pytest.mark.parametrize("name", ["riemann", "isph", "delta_plus", "gas"])
 def test_each_scheme_has_a_name_a_summary_and_numerics(name):
     scheme = registry.find(name)
     assert scheme is registry.find(name) and scheme.name == name and scheme.summary
