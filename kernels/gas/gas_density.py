@@ -111,9 +111,10 @@ def make_gas_density(spec: Spec) -> Any:
                 solving = False
             else:
                 h = h * wp.clamp(factor, real(0.8), real(1.25))
-        smoothing[i] = h
-        density[i] = rho
-        stiffening[i] = real(1.0) / (omega * rho * rho)
+            if not solving:
+                smoothing[i] = h
+                density[i] = rho
+                stiffening[i] = real(1.0) / (omega * rho * rho)
         heats = phases[0].gamma - real(1.0)
         kinetic = real(0.5) * wp.dot(velocity[i], velocity[i])
         pressure = state[i][0]

@@ -126,9 +126,11 @@ class GasScheme(Scheme):
         population.put("rest_volume", density * volume / rest)
         population.put("density", density)
         population.put("state", np.stack([pressure, volume], axis=1))
-        smoothing = float(physics.choices["smoothing_ratio"]) * volume ** (1.0 / case.dimension)
+        eta = float(physics.choices["smoothing_ratio"])
+        smoothing = eta * volume ** (1.0 / case.dimension)
         population.put("smoothing", smoothing)
-        population.put("stiffening", 1.0 / density**2)
+        _, omega = gas_physics.lattice_sums(physics.spec.kernel, eta, case.dimension)
+        population.put("stiffening", 1.0 / (omega * density**2))
         if physics.spec.held:
             population.put("held", gas_physics.beside_open_sides(case, geometry, smoothing * physics.support / physics.h))
 
@@ -139,14 +141,17 @@ class GasScheme(Scheme):
         from warpsph.kernels.core.smoothing import KERNELS
         from warpsph.kernels.core.spec import types_of
         from warpsph.kernels.gas.gas_forces import SLOTS
+        from warpsph.schemes import gas_physics
 
         choices, d = physics.choices, physics.spec.dimension
         real = types_of(physics.spec).real
         kernel = KERNELS[physics.spec.kernel]
+        eta = float(choices["smoothing_ratio"])
+        total, _ = gas_physics.lattice_sums(physics.spec.kernel, eta, d)
         return {
-            "w_norm": real(kernel.alpha[d - 1]),
+            "w_norm": real(kernel.alpha[d - 1] / total),
             "reach": real(kernel.support),
-            "crowding": real(float(choices["smoothing_ratio"]) ** d),
+            "crowding": real(eta**d),
             "alpha": real(choices["artificial_viscosity"]),
             "beta": real(choices["quadratic_viscosity"]),
             "conductivity": real(choices["conductivity"]),
