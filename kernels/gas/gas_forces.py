@@ -28,7 +28,7 @@ def make_gas_exchange(spec: Spec) -> tuple[Any, Any]:
     Both are the same seen from j, but for the sign of the direction: momentum and energy are exchanged to rounding.
     """
     real = types_of(spec).real
-    limited_step = make_limiters(spec.precision).limited_step
+    ordered_step = make_limiters(spec.precision).ordered_step
     shock_switch = make_limiters(spec.precision).shock_switch
     states = make_exact_states(spec.precision) if spec.star == "exact" else make_acoustic_states(spec.precision)
 
@@ -56,12 +56,12 @@ def make_gas_exchange(spec: Spec) -> tuple[Any, Any]:
         c_r = b.c
         if wp.static(spec.limited):
             half = real(0.5) * shock_switch(u_l, u_r, c_l, c_r)
-            rho_l = a.rho + half * limited_step(b.rho - a.rho, a.rho_rise)
-            rho_r = b.rho - half * limited_step(b.rho - a.rho, b.rho_rise)
-            u_l = a.u + half * limited_step(b.u - a.u, a.u_rise)
-            u_r = b.u - half * limited_step(b.u - a.u, b.u_rise)
-            p_l = a.p + half * limited_step(b.p - a.p, a.p_rise)
-            p_r = b.p - half * limited_step(b.p - a.p, b.p_rise)
+            rho_l = a.rho + half * ordered_step(b.rho - a.rho, a.rho_rise)
+            rho_r = b.rho - half * ordered_step(b.rho - a.rho, b.rho_rise)
+            u_l = a.u + half * ordered_step(b.u - a.u, a.u_rise)
+            u_r = b.u - half * ordered_step(b.u - a.u, b.u_rise)
+            p_l = a.p + half * ordered_step(b.p - a.p, a.p_rise)
+            p_r = b.p - half * ordered_step(b.p - a.p, b.p_rise)
             c_l = wp.sqrt(gamma * p_l / rho_l)
             c_r = wp.sqrt(gamma * p_r / rho_r)
         star_p, star_u = states(rho_l, u_l, p_l, c_l, rho_r, u_r, p_r, c_r, gamma)

@@ -207,8 +207,8 @@ def test_order_in_time(integrator, order, device):
 
     def end(dt):
         numerics = {"reconstruction": "none", "dissipation": "artificial", "artificial_viscosity": 0.0}
-        numerics |= {"quadratic_viscosity": 0.0, "integrator": integrator, "maximum_step": dt, "courant": 2.0, "scheme": "gas"}
-        case = scene(1, 24, "periodic", start=start, end_time=16 * step, numerics={**numerics, "skin": 1.0})
+        numerics |= {"quadratic_viscosity": 0.0, "integrator": integrator, "maximum_step": dt, "courant": 2.0, "skin": 1.0}
+        case = scene(1, 24, "periodic", start=start, end_time=16 * step, numerics={"scheme": "gas", **numerics})
         return Simulation(case, device=device, threads=1).run().state.velocity
 
     reference, coarse, fine = (end(step / n) for n in (8, 1, 2))

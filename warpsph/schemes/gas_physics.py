@@ -79,6 +79,7 @@ def derive(case: Case, geometry: Geometry, row_list: bool) -> Physics:
     )
     check_periods(case, geometry, support * (1.0 + float(choices["skin"])))
     speed, sound = start_speeds(case, geometry)
+    highest = float(absolute_pressure(case, geometry).max())
     return Physics(
         spec=spec,
         choices=choices,
@@ -86,7 +87,7 @@ def derive(case: Case, geometry: Geometry, row_list: bool) -> Physics:
         h=h,
         support=support,
         sound_speed=(sound,),
-        scales={"velocity": speed, "length": extent_of(geometry), "pressure": absolute_pressure(case, geometry).max()},
+        scales={"velocity": speed, "length": extent_of(geometry), "pressure": highest},
         step_cap={} if numerics.maximum_step is None else {"maximum_step": numerics.maximum_step},
         densities=(case.phases[case.phase_names[0]].density,),
         tension=np.zeros((1, 1)),
