@@ -9,7 +9,7 @@ from warpsph.kernels.core.mirror import code_shift, make_images, make_sides
 from warpsph.kernels.core.pair import WRAPPED, list_access
 from warpsph.kernels.core.params import make_params, make_phase
 from warpsph.kernels.core.smoothing import make_smoothing
-from warpsph.kernels.core.spec import Spec, types_of
+from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, types_of
 
 SWEEPS = 20  # of Newton; from the length of the last step it takes two or three
 TOLERANCE = {"float32": 1.0e-5, "float64": 1.0e-11}  # relative change of h after which it stops: rounding of the sum
@@ -40,7 +40,7 @@ def make_gas_density(spec: Spec) -> Any:
             result = result * h
         return result
 
-    @wp.kernel(module="unique", enable_backward=False)
+    @wp.kernel(module="unique", enable_backward=False, module_options=SWEEP_OPTIONS)
     def gas_density(
         first: int,
         particle_count: int,

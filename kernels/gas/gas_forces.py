@@ -9,7 +9,7 @@ from warpsph.kernels.core.mirror import code_shift, make_images, make_sides
 from warpsph.kernels.core.pair import WRAPPED, list_access
 from warpsph.kernels.core.params import make_params, make_phase
 from warpsph.kernels.core.smoothing import make_smoothing
-from warpsph.kernels.core.spec import Spec, types_of
+from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, types_of
 
 from .limiters import make_limiters
 from .riemann_states import make_acoustic_states, make_exact_states
@@ -122,7 +122,7 @@ def make_gas_forces(spec: Spec) -> Any:
                 result[axis] = -v[axis]
         return result
 
-    @wp.kernel(module="unique", enable_backward=False)
+    @wp.kernel(module="unique", enable_backward=False, module_options=SWEEP_OPTIONS)
     def gas_forces(
         first: int,
         particle_count: int,

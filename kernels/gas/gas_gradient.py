@@ -9,7 +9,7 @@ from warpsph.kernels.core.mirror import code_shift, make_images, make_sides
 from warpsph.kernels.core.pair import WRAPPED, list_access
 from warpsph.kernels.core.params import make_params
 from warpsph.kernels.core.smoothing import make_smoothing
-from warpsph.kernels.core.spec import Spec, types_of
+from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, types_of
 
 # Share of the full moment below which neighbours do not tell a direction apart: gradients are then left out.
 THIN = 1.0e-3
@@ -39,7 +39,7 @@ def make_gas_gradient(spec: Spec) -> Any:
             result = wp.inverse(m)
         return result
 
-    @wp.kernel(module="unique", enable_backward=False)
+    @wp.kernel(module="unique", enable_backward=False, module_options=SWEEP_OPTIONS)
     def gas_gradient(
         first: int,
         particle_count: int,

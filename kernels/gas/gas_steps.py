@@ -6,6 +6,7 @@ from typing import Any
 import warp as wp
 
 from warpsph.kernels.core.clock import MAXIMA, SEED, SIGNAL_RATE, STEP
+from warpsph.kernels.core.params import make_params
 from warpsph.kernels.core.spec import Spec, types_of
 
 from .gas_forces import SLOTS
@@ -79,15 +80,18 @@ def make_gas_correct(spec: Spec) -> Any:
 def make_gas_watch(spec: Spec) -> Any:
     """Return the kernel that reports speeds and ways to the clock, and what is not finite or has no energy left.
 
-    A smoothing length that grows uses the list up as a way of `support` times its growth would.
+    Ways and speeds are reported as those of a particle with the smoothing length of the spacing, which goes as many of its
+    own lengths; one that grows uses the list up as a way of `reach` times its growth would (see `varying_list`).
     """
     real, vec, _, _ = types_of(spec)
+    Params = make_params(spec.dimension, spec.precision)
 
     @wp.kernel(module="unique", enable_backward=False)
     def gas_watch(
         first: int,
         slot: int,
         reach: real,
+        params: Params,
         velocity: wp.array(dtype=vec),
         acceleration: wp.array(dtype=vec),
         offset: wp.array(dtype=vec),
@@ -100,9 +104,10 @@ def make_gas_watch(spec: Spec) -> Any:
         faults: wp.array(dtype=int),
     ):
         i = wp.tid() + first
-        v2 = wp.dot(velocity[i], velocity[i])
-        a2 = wp.dot(acceleration[i], acceleration[i])
-        way = wp.length(offset[i]) + reach * wp.max(smoothing[i] - listed_smoothing[i], real(0.0))
+        scale = params.h / listed_smoothing[i]
+        v2 = wp.dot(velocity[i], velocity[i]) * scale * scale
+        a2 = wp.dot(acceleration[i], acceleration[i]) * scale * scale
+        way = scale * (wp.length(offset[i]) + reach * wp.max(smoothing[i] - listed_smoothing[i], real(0.0)))
         if v2 > maxima[slot * MAXIMA]:
             wp.atomic_max(maxima, slot * MAXIMA, v2)
         if a2 > maxima[slot * MAXIMA + 1]:

@@ -104,7 +104,9 @@ class NeighbourList:
         self.list_radius = support * (1.0 + skin)
         self.spec = dataclasses.replace(particles.spec, wide_list=False)
         spec, device = self.spec, particles.device
-        counts, widths = grid_layout(lower, upper, periodic, self.list_radius)
+        # where lengths vary, cells that are a little wider spare most particles of a thinner gas a longer search
+        margin = varying_list.CELL_MARGIN if spec.varying_h else 1.0
+        counts, widths = grid_layout(lower, upper, periodic, margin * self.list_radius)
         self.cells_per_axis = counts
         grid = cells.make_grid(spec.dimension, spec.precision)()
         vec = types_of(spec).vec
@@ -161,10 +163,9 @@ class NeighbourList:
             )  # fmt: skip
         bindings.update(slack_maxima=self.slack_maxima, horizon=wp.zeros(1, dtype=real, device=device))
         if spec.varying_h:
-            # a particle lists what is within its own support, and the skin of the whole list
             bindings.update(
                 cell_reach=wp.zeros(cell_count, dtype=int, device=device),
-                skin_length=real(skin * support),
+                skin_share=real(1.0 + skin),
             )
         self.check_tasks = self._make_check_tasks()
         self.width = 0

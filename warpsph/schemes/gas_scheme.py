@@ -34,7 +34,7 @@ class GasScheme(Scheme):
     ratios = {1: 1.0, 2: 1.3, 3: 1.3}
     varying_density = True
     internal_energy = True
-    skin = 0.2
+    skin = 0.3
     shown = ("energy", "smoothing")
 
     def check(self, case: Any) -> Iterator[Problem]:
