@@ -69,6 +69,7 @@ class Spec:
         shift_form: "" for that of the scheme; "positions" or "consistent": what a shift changes (delta_plus).
         runge_kutta: four stages of Runge and Kutta instead of the leapfrog (delta_plus), or of two (gas).
         varying_h: each particle has a smoothing length of its own (gas).
+        constant_h: they are all the same none the less (gas).
         star: "" or how the Riemann problem of a pair is solved, "acoustic" or "exact" (gas).
         limited: second-order reconstruction of the states of a pair (gas).
         conduction: artificial conduction of heat (gas).
@@ -125,6 +126,7 @@ class Spec:
     sponge: bool = False
     windows: int = 0
     varying_h: bool = False
+    constant_h: bool = False
     star: str = ""
     limited: bool = False
     conduction: bool = False

@@ -106,6 +106,9 @@ def make_gas_density(spec: Spec) -> Any:
             omega = real(1.0) - norm * change / (real(wp.static(d)) * rho)
             # f(h) = wanted - rho falls with the slope -(d/h) wanted (1 - ratio); steps are bounded until it is near
             factor = real(1.0) + (wanted - rho) / (real(wp.static(d)) * wanted * wp.max(real(1.0) - ratio, real(0.1)))
+            if wp.static(spec.constant_h):
+                factor = real(1.0)
+                omega = real(1.0)
             sweep += 1
             if wp.abs(factor - real(1.0)) < real(tolerance) or sweep == wp.static(SWEEPS):
                 solving = False

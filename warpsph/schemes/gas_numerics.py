@@ -35,6 +35,12 @@ class GasNumerics(NumericsBase):
     shifting: Annotated[float | Auto, NumberRule(least=0, most=0, auto=True)] = Field(
         default="auto", description="none: the particles of a gas go with it. auto: 0", examples=["0"]
     )
+    smoothing_length: Annotated[Literal["auto", "adaptive", "constant"], ChoiceRule()] = Field(
+        default="auto",
+        description="adaptive: that of each particle follows its density; constant: smoothing_ratio times particle_spacing. "
+        "auto: adaptive (paper: constant)",
+        examples=["adaptive"],
+    )
     courant: Annotated[float | Auto, NumberRule(above=0, most=2, auto=True)] = Field(
         default="auto",
         description="time step divided by h over the signal speed of a pair. auto: 0.3; 0.6 with rk4",

@@ -40,6 +40,8 @@ def derive(case: Case, geometry: Geometry, row_list: bool) -> Physics:
         return choices[key]
 
     choose("smoothing_ratio", smoothing_ratio(case), "enough neighbours in this dimension")
+    reason = "printed form" if paper else "resolves what is dense"
+    length = choose("smoothing_length", "constant" if paper else "adaptive", reason)
     choose("unlock", 0.0, "not needed")
     artificial = choose("dissipation", "artificial" if paper else "riemann", "printed form" if paper else "sharper")
     star = choose("riemann_solver", "exact", "holds for every strength of a shock")
@@ -70,6 +72,7 @@ def derive(case: Case, geometry: Geometry, row_list: bool) -> Physics:
         artificial_viscosity=not riemann,
         runge_kutta=integrator != "kick_drift_kick",
         varying_h=True,
+        constant_h=length == "constant",
         star=str(star) if riemann else "",
         limited=riemann and limited,
         conduction=not riemann and float(heat) > 0,

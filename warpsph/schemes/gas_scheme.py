@@ -127,9 +127,10 @@ class GasScheme(Scheme):
         population.put("density", density)
         population.put("state", np.stack([pressure, volume], axis=1))
         eta = float(physics.choices["smoothing_ratio"])
-        smoothing = eta * volume ** (1.0 / case.dimension)
+        constant = physics.spec.constant_h
+        smoothing = np.full(fluid, physics.h) if constant else eta * volume ** (1.0 / case.dimension)
         population.put("smoothing", smoothing)
-        _, omega = gas_physics.lattice_sums(physics.spec.kernel, eta, case.dimension)
+        omega = 1.0 if constant else gas_physics.lattice_sums(physics.spec.kernel, eta, case.dimension)[1]
         population.put("stiffening", 1.0 / (omega * density**2))
         if physics.spec.held:
             population.put("held", gas_physics.beside_open_sides(case, geometry, smoothing * physics.support / physics.h))
