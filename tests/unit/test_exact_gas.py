@@ -7,9 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from warpsph.case.case import Case
 from warpsph.case.expressions import compile_expression
 
 SCRIPT = Path(__file__).resolve().parents[2] / "scripts" / "exact_gas.py"
+CASES = SCRIPT.parents[1] / "cases"
 
 # density, velocity and pressure on both sides
 STATES = {
@@ -83,6 +85,32 @@ def test_formulas_are_the_solution(gas, name):
         for text, exact in zip(solved.formulas().values(), solved.at(x, time), strict=True):
             found = compile_expression(text).evaluate(x=x, t=time)
             np.testing.assert_allclose(found, exact, rtol=1e-7, atol=1e-8)
+
+
+@pytest.mark.parametrize("name", ["sod", "shock_tube", "strong_blast", "colliding_streams", "near_vacuum"])
+def test_case_files_have_the_solution(gas, name):
+    """The formulas of each shock tube, and what its probes should read, are those of the states that it starts from."""
+    case = Case.load(CASES / f"{name}.yaml")
+    start, phase = case.start, case.phases["gas"]
+
+    def side(x):
+        density = phase.density if start.density is None else start.density.evaluate(x=x)
+        velocity = start.velocity[0] if start.velocity else 0.0
+        speed = velocity.evaluate(x=x) if hasattr(velocity, "evaluate") else velocity
+        return gas.Gas(float(density), float(speed), float(start.pressure.evaluate(x=x)))
+
+    solved = gas.Riemann(side(-0.1), side(0.1), phase.gamma)
+    x = np.linspace(case.domain.lower[0], case.domain.upper[0], 501) + 1e-5
+    exact = dict(zip(("density", "velocity", "pressure"), solved.at(x, case.end_time), strict=True))
+    for field, values in exact.items():
+        formula = case.reference[f"{field}_l1"].exact[0]
+        np.testing.assert_allclose(formula.evaluate(x=x, t=case.end_time), values, rtol=1e-7, atol=1e-8)
+    for entry in case.reference.values():
+        if getattr(entry, "gauge", "energy") == "energy":
+            continue
+        place = np.array(case.gauges[entry.gauge].points[0])
+        read = dict(zip(exact, (float(value[0]) for value in solved.at(place, case.end_time)), strict=True))
+        assert entry.value == pytest.approx(read[entry.column.removesuffix("_x")], rel=1e-6)
 
 
 @pytest.mark.parametrize("gamma", [1.4, 5 / 3])
