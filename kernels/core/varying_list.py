@@ -4,9 +4,8 @@ The cells are as wide as those of one smoothing length. A particle whose support
 far into all cells that it reaches; the search about a particle looks as far as its own cell was told. Where all lengths are
 alike nothing is written and the search is the usual one of five cells an axis.
 
-The skin is a share of each support. Ways are measured in the smoothing lengths H that the list was made with: a pair that is
-farther apart than (1 + skin) of the larger support comes within reach when one of its particles has used half a skin of its
-own H by its way and the growth of its length, and not before.
+A pair is listed where it is nearer than (1 + GROWTH) times the larger support plus the skin. It does not come within reach
+unseen before one of its particles has gone half of the skin, or its smoothing length has grown by the share GROWTH.
 """
 
 import functools
@@ -20,7 +19,8 @@ from .pair import WRAPPED, make_entry
 from .spec import Spec, types_of
 
 USUAL = 2  # cells to either side that every search looks at
-CELL_MARGIN = 1.1  # smoothing length, over that of the spacing, up to which the usual search is enough
+GROWTH = 0.1  # share by which a smoothing length may grow before the list is used up
+CELL_MARGIN = 1.2  # list radius, over that of the spacing, up to which the usual search is enough
 
 
 @functools.cache
@@ -78,7 +78,7 @@ def make_spread_reach(spec: Spec) -> Any:
     def spread_reach(
         first: int,
         reach: real,
-        skin_share: real,
+        skin_length: real,
         grid: Grid,
         sides: Sides,
         anchor: wp.array(dtype=vec),
@@ -86,7 +86,7 @@ def make_spread_reach(spec: Spec) -> Any:
         cell_reach: wp.array(dtype=int),
     ):
         i = wp.tid() + first
-        radius = reach * skin_share * listed_smoothing[i]
+        radius = real(1.0 + GROWTH) * reach * listed_smoothing[i] + skin_length
         far = int(USUAL)
         for axis in range(wp.static(dim)):
             far = wp.max(far, int(wp.ceil(radius * grid.inv_cell[axis])))
@@ -143,7 +143,7 @@ def make_varying_scan(spec: Spec) -> Any:
     @wp.func
     def offer(
         i: int, j: int, xi: vec, radius: real, mark: int, state: wp.vec2i, rows: int, list_width: int, reach: real,
-        skin_share: real, grid: Grid, anchor: wp.array(dtype=vec), listed_smoothing: wp.array(dtype=real),
+        skin_length: real, grid: Grid, anchor: wp.array(dtype=vec), listed_smoothing: wp.array(dtype=real),
         neighbours: Listed,
     ):  # fmt: skip
         raw = xi - anchor[j]
@@ -154,7 +154,7 @@ def make_varying_scan(spec: Spec) -> Any:
             d[1] = image(d[1], grid.box[1])
         if wp.static(pz):
             d[2] = image(d[2], grid.box[2])
-        near = wp.max(radius, reach * skin_share * listed_smoothing[j])
+        near = wp.max(radius, real(1.0 + GROWTH) * reach * listed_smoothing[j] + skin_length)
         count = state[0]
         flag = state[1]
         if wp.dot(d, d) < near * near and (j != i or mark != 0):
@@ -168,14 +168,14 @@ def make_varying_scan(spec: Spec) -> Any:
 
     @wp.func
     def scan(
-        i: int, xi: vec, mark: int, state: wp.vec2i, rows: int, list_width: int, reach: real, skin_share: real,
+        i: int, xi: vec, mark: int, state: wp.vec2i, rows: int, list_width: int, reach: real, skin_length: real,
         grid: Grid, cell_start: wp.array(dtype=int), cell_reach: wp.array(dtype=int), anchor: wp.array(dtype=vec),
         listed_smoothing: wp.array(dtype=real), neighbours: Listed,
     ):  # fmt: skip
         s = state
         c = cell_of(xi, grid)
         far = cell_reach[(c[2] * grid.ny + c[1]) * grid.nx + c[0]]
-        radius = reach * skin_share * listed_smoothing[i]
+        radius = real(1.0 + GROWTH) * reach * listed_smoothing[i] + skin_length
         low = wp.vec3i(c[0] - far, c[1], c[2])
         high = wp.vec3i(c[0] + far, c[1], c[2])
         if wp.static(dim > 1):
@@ -212,7 +212,7 @@ def make_varying_scan(spec: Spec) -> Any:
                     cell = (zz * grid.ny + yy) * grid.nx + xx
                     for j in range(cell_start[cell], cell_start[cell + 1]):
                         s = offer(
-                            i, j, xi, radius, mark, s, rows, list_width, reach, skin_share, grid, anchor,
+                            i, j, xi, radius, mark, s, rows, list_width, reach, skin_length, grid, anchor,
                             listed_smoothing, neighbours,
                         )  # fmt: skip
         return s
@@ -244,7 +244,7 @@ def make_varying_list(spec: Spec) -> Any:
         particle_count: int,
         list_width: int,
         reach: real,
-        skin_share: real,
+        skin_length: real,
         grid: Grid,
         sides: Sides,
         cell_start: wp.array(dtype=int),
@@ -259,7 +259,7 @@ def make_varying_list(spec: Spec) -> Any:
         i = wp.tid() + first
         xi = anchor[i]
         s = scan(
-            i, xi, 0, wp.vec2i(0, 0), particle_count, list_width, reach, skin_share, grid, cell_start, cell_reach,
+            i, xi, 0, wp.vec2i(0, 0), particle_count, list_width, reach, skin_length, grid, cell_start, cell_reach,
             anchor, listed_smoothing, neighbours,
         )  # fmt: skip
         if wp.static(spec.mirror):
@@ -279,7 +279,7 @@ def make_varying_list(spec: Spec) -> Any:
                     if (code & near) == code and both == 0:
                         s = scan(
                             i, reflect(xi, code, sides), code << image_bit, s, particle_count, list_width, reach,
-                            skin_share, grid, cell_start, cell_reach, anchor, listed_smoothing, neighbours,
+                            skin_length, grid, cell_start, cell_reach, anchor, listed_smoothing, neighbours,
                         )  # fmt: skip
         fluid_neighbours[i] = wp.int16(wp.min(s[0], list_width))
         if wp.static(any(spec.periodic)):

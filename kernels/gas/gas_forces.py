@@ -14,6 +14,9 @@ from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, types_of
 from .limiters import make_limiters
 from .riemann_states import make_acoustic_states, make_exact_states
 
+# Jump of a pair, over its pressure, below which the acoustic star state is as good as the exact one: its error is of the
+# second order in the jump, a part in a million of the pressure. Most pairs of most flows are below.
+WEAK = 1.0e-3
 SLOTS = 64  # of the array that the largest signal rate is gathered in
 
 
@@ -30,7 +33,7 @@ def make_gas_exchange(spec: Spec) -> tuple[Any, Any]:
     real = types_of(spec).real
     ordered_step = make_limiters(spec.precision).ordered_step
     shock_switch = make_limiters(spec.precision).shock_switch
-    states = make_exact_states(spec.precision) if spec.star == "exact" else make_acoustic_states(spec.precision)
+    acoustic, exact = make_acoustic_states(spec.precision), make_exact_states(spec.precision)
 
     @wp.struct
     class Side:
@@ -64,7 +67,11 @@ def make_gas_exchange(spec: Spec) -> tuple[Any, Any]:
             p_r = b.p - half * ordered_step(b.p - a.p, b.p_rise)
             c_l = wp.sqrt(gamma * p_l / rho_l)
             c_r = wp.sqrt(gamma * p_r / rho_r)
-        star_p, star_u = states(rho_l, u_l, p_l, c_l, rho_r, u_r, p_r, c_r, gamma)
+        star_p, star_u = acoustic(rho_l, u_l, p_l, c_l, rho_r, u_r, p_r, c_r, gamma)
+        if wp.static(spec.star == "exact"):
+            strength = wp.abs(p_l - p_r) + wp.max(rho_l * c_l, rho_r * c_r) * wp.abs(u_l - u_r)
+            if strength > real(WEAK) * wp.min(p_l, p_r):
+                star_p, star_u = exact(rho_l, u_l, p_l, c_l, rho_r, u_r, p_r, c_r, gamma)
         shock = (star_p - real(0.5) * (p_l + p_r)) * g
         heat = real(0.5) * (a.p + b.p) * g * (star_u - real(0.5) * (u_l + u_r))
         force = a.p * a.g + b.p * b.g + shock

@@ -6,8 +6,8 @@ from typing import Any
 import warp as wp
 
 from warpsph.kernels.core.clock import MAXIMA, SEED, SIGNAL_RATE, STEP
-from warpsph.kernels.core.params import make_params
 from warpsph.kernels.core.spec import Spec, types_of
+from warpsph.kernels.core.varying_list import GROWTH
 
 from .gas_forces import SLOTS
 
@@ -80,18 +80,15 @@ def make_gas_correct(spec: Spec) -> Any:
 def make_gas_watch(spec: Spec) -> Any:
     """Return the kernel that reports speeds and ways to the clock, and what is not finite or has no energy left.
 
-    Ways and speeds are reported as those of a particle with the smoothing length of the spacing, which goes as many of its
-    own lengths; one that grows uses the list up as a way of `reach` times its growth would (see `varying_list`).
+    A smoothing length that has grown by the share that the list allows for uses it up as half a skin of way does.
     """
     real, vec, _, _ = types_of(spec)
-    Params = make_params(spec.dimension, spec.precision)
 
     @wp.kernel(module="unique", enable_backward=False)
     def gas_watch(
         first: int,
         slot: int,
-        reach: real,
-        params: Params,
+        skin_length: real,
         velocity: wp.array(dtype=vec),
         acceleration: wp.array(dtype=vec),
         offset: wp.array(dtype=vec),
@@ -104,10 +101,10 @@ def make_gas_watch(spec: Spec) -> Any:
         faults: wp.array(dtype=int),
     ):
         i = wp.tid() + first
-        scale = params.h / listed_smoothing[i]
-        v2 = wp.dot(velocity[i], velocity[i]) * scale * scale
-        a2 = wp.dot(acceleration[i], acceleration[i]) * scale * scale
-        way = scale * (wp.length(offset[i]) + reach * wp.max(smoothing[i] - listed_smoothing[i], real(0.0)))
+        v2 = wp.dot(velocity[i], velocity[i])
+        a2 = wp.dot(acceleration[i], acceleration[i])
+        growth = wp.max(smoothing[i] / listed_smoothing[i] - real(1.0), real(0.0)) * real(1.0 / GROWTH)
+        way = wp.max(wp.length(offset[i]), real(0.5) * skin_length * growth)
         if v2 > maxima[slot * MAXIMA]:
             wp.atomic_max(maxima, slot * MAXIMA, v2)
         if a2 > maxima[slot * MAXIMA + 1]:

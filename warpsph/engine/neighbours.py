@@ -104,7 +104,7 @@ class NeighbourList:
         self.list_radius = support * (1.0 + skin)
         self.spec = dataclasses.replace(particles.spec, wide_list=False)
         spec, device = self.spec, particles.device
-        # where lengths vary, cells that are a little wider spare most particles of a thinner gas a longer search
+        # where lengths vary they may grow, and cells that are a little wider spare a slightly thinner gas a longer search
         margin = varying_list.CELL_MARGIN if spec.varying_h else 1.0
         counts, widths = grid_layout(lower, upper, periodic, margin * self.list_radius)
         self.cells_per_axis = counts
@@ -165,7 +165,7 @@ class NeighbourList:
         if spec.varying_h:
             bindings.update(
                 cell_reach=wp.zeros(cell_count, dtype=int, device=device),
-                skin_share=real(1.0 + skin),
+                skin_length=real(skin * support),
             )
         self.check_tasks = self._make_check_tasks()
         self.width = 0
