@@ -107,8 +107,14 @@ def case_groups() -> dict[str, list[str]]:
         "One fluid, Riemann scheme": [],
         "One fluid, projection ISPH": [],
         "One fluid, delta-plus-SPH": [],
+        "One fluid, compressible gas": [],
     }
-    of_scheme = {"riemann": "Riemann scheme", "isph": "projection ISPH", "delta_plus": "delta-plus-SPH"}
+    of_scheme = {
+        "riemann": "Riemann scheme",
+        "isph": "projection ISPH",
+        "delta_plus": "delta-plus-SPH",
+        "gas": "compressible gas",
+    }
     for path in sorted((ROOT / "cases").glob("*.yaml")):
         case = load_case(path)
         if case.has_surface_tension:

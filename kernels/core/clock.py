@@ -74,6 +74,8 @@ RARE_LIMIT = CLOCK.slot("m", "way after which they run again")
 RARE_CAP = CLOCK.slot("s", "time after which they run again")
 VISCOUS_STEP = CLOCK.slot("s", "longest step of explicit viscosity, always allowed where it is implicit")
 CHANGE = CLOCK.slot("-", "change of the velocity in a step over the largest speed beyond it; 0 where it is explicit")
+SIGNAL_RATE = CLOCK.slot("1/s", "largest signal speed over smoothing length, where each particle has its own", kept=True)
+SIGNAL_COURANT = CLOCK.slot("-", "Courant number of that rate")
 CLOCK_SIZE = CLOCK.size
 
 COUNTERS = Slots()  # int32
@@ -178,6 +180,8 @@ def make_advance(precision: str) -> Any:
         dt = wp.min(clock[STEP_CAP], clock[COURANT] / (clock[SOUND] + speed))
         if acceleration > wp.float64(0.0):
             dt = wp.min(dt, clock[FORCE] / wp.sqrt(acceleration))
+        if clock[SIGNAL_RATE] > wp.float64(0.0):
+            dt = wp.min(dt, clock[SIGNAL_COURANT] / clock[SIGNAL_RATE])
         if clock[CHANGE] > wp.float64(0.0):
             # Implicit viscosity is stable at any step. How fast the flow changes says how long one may be: a start from rest
             # then takes steps in proportion to its age.

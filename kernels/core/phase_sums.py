@@ -87,7 +87,7 @@ def make_particle() -> Any:
     return Particle
 
 
-def _make_terms(group: str, dimension: int) -> tuple[Any, Any, Any, Any]:
+def _make_terms(group: str, dimension: int, internal: bool) -> tuple[Any, Any, Any, Any]:
     """Return the types of sums and extremes of a group, and the `wp.func`s that give both for one particle."""
     added, kept = GROUPS[group]
     Total = wp.types.vector(length=added, dtype=wp.float64)
@@ -118,7 +118,12 @@ def _make_terms(group: str, dimension: int) -> tuple[Any, Any, Any, Any]:
         way = p.position - scene.center
         height = wp.float64(0.5) * scene.pull * wp.dot(way, way) - wp.dot(p.position, scene.gravity)
         kinetic = wp.float64(0.5) * p.mass * wp.dot(p.velocity, p.velocity)
-        return Total(kinetic, p.mass * height, p.mass * elastic_energy(p.excess, material))
+        stored = wp.float64(0.0)
+        if wp.static(internal):
+            stored = p.pressure * p.volume / material[POWER]
+        else:
+            stored = p.mass * elastic_energy(p.excess, material)
+        return Total(kinetic, p.mass * height, stored)
 
     @wp.func
     def pressure(p: Particle, material: wp.vec4d, scene: Scene):
@@ -153,17 +158,19 @@ def _make_terms(group: str, dimension: int) -> tuple[Any, Any, Any, Any]:
 
 @functools.cache
 def make_phase_sums(
-    group: str, dimension: int, precision: str, multiphase: bool, leapfrog: bool, in_rows: bool, zones: bool = False
-) -> tuple[Any, Any, Any]:
+    group: str, dimension: int, precision: str, multiphase: bool, leapfrog: bool, in_rows: bool, zones: bool = False,
+    internal: bool = False,
+) -> tuple[Any, Any, Any]:  # fmt: skip
     """Return (kernel, type of a row of `totals`, type of a row of `largest`); see the module.
 
     group: of GROUPS
     leapfrog: the velocities are half a step behind the positions and are carried on to them
     in_rows: a block is a stretch of particles (CPU) instead of every block_count-th particle (GPU)
     zones: rows without a particle and buffers of open sides do not count
+    internal: the fluid is a gas, whose stored energy is p V/(gamma - 1)
     """
     real, vec, _, pair = types(dimension, precision)
-    Total, Largest, terms, extremes = _make_terms(group, dimension)
+    Total, Largest, terms, extremes = _make_terms(group, dimension, internal)
     Scene, Particle = make_scene(), make_particle()
     kept = GROUPS[group][1]
     at_interface = group == "interface"

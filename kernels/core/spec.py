@@ -65,10 +65,17 @@ class Spec:
         density_diffusion: the density is evened out (delta_plus).
         exact_divergence: the divergence is exact for linear velocities (delta_plus).
         tension_control: pressure below zero acts by its differences, away from free surfaces (delta_plus).
-        artificial_viscosity: fluid particles have friction beside that of their phase (delta_plus).
+        artificial_viscosity: fluid particles have friction beside that of their phase (delta_plus, gas).
         budget: a gauge asks where momentum and energy come from and go (delta_plus).
         shift_form: "" for that of the scheme; "positions" or "consistent": what a shift changes (delta_plus).
-        runge_kutta: four stages of Runge and Kutta instead of the leapfrog (delta_plus).
+        runge_kutta: four stages of Runge and Kutta instead of the leapfrog (delta_plus), or of two (gas).
+        varying_h: each particle has a smoothing length of its own (gas).
+        constant_h: they are all the same none the less (gas).
+        star: "" or how the Riemann problem of a pair is solved, "acoustic" or "exact" (gas).
+        limited: second-order reconstruction of the states of a pair (gas).
+        conduction: artificial conduction of heat (gas).
+        held: particles beside open sides keep the state of the start (gas).
+        internal_energy: the fluid has an internal energy that is no function of its density (gas).
         row_list: neighbour list stored particle by particle (CPU) instead of neighbour by neighbour (GPU).
         wide_list: the neighbour list has more entries than 31 bits number; known with its width.
     """
@@ -120,6 +127,13 @@ class Spec:
     open_axis: int = -1
     sponge: bool = False
     windows: int = 0
+    varying_h: bool = False
+    constant_h: bool = False
+    star: str = ""
+    limited: bool = False
+    conduction: bool = False
+    held: bool = False
+    internal_energy: bool = False
     row_list: bool = True
     wide_list: bool = False
 

@@ -593,6 +593,17 @@ def test_norms_of_a_vector(norm):
     assert result["error"] == pytest.approx(expected[norm])
 
 
+def test_mean_over_the_volume_is_absolute():
+    """Each particle counts with its volume, and a reference of 0 changes nothing."""
+    particles = make_particles()
+    particles.volume[:4] = [1.0, 2.0, 3.0, 4.0]
+    case = exact_case(field="pressure", exact="10*x**2", norm="l1_volume", allowed=1e-3)
+    result = one(case, snapshot=particles)
+    wrong = np.abs(particles.pressure[:4] - 10 * particles.position[:4, 0] ** 2)
+    assert result["error"] == pytest.approx((wrong * [0.1, 0.2, 0.3, 0.4]).sum())
+    assert result["note"].startswith("absolute") and result["passed"] is False
+
+
 def test_pressure_with_and_without_its_mean():
     particles = make_particles()
     fluid = particles.fluid

@@ -261,7 +261,7 @@ def test_a_field_that_nobody_writes_is_refused(device):
 def test_nobody_asks_which_scheme_runs():
     """No file of the package compares the name of a scheme, beside the schemes themselves."""
     root = Path(__file__).resolve().parents[2]
-    names = {"riemann", "isph", "delta_plus"}
+    names = {"riemann", "isph", "delta_plus", "gas"}
     found = []
     for path in [*(root / "warpsph").rglob("*.py"), *(root / "kernels").rglob("*.py")]:
         if path.parent.name == "schemes":

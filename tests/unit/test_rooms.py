@@ -22,7 +22,8 @@ ROOMS = {
     "state": ("warpsph.snapshot", "warpsph.start"),
     "kernels": ("warpsph.kernels",),
     "kernels of schemes": (
-        "warpsph.kernels.delta", "warpsph.kernels.isph", "warpsph.kernels.linear", "warpsph.kernels.riemann",
+        "warpsph.kernels.delta", "warpsph.kernels.gas", "warpsph.kernels.isph", "warpsph.kernels.linear",
+        "warpsph.kernels.riemann",
     ),
     "engine": ("warpsph.engine",),
     "scene": ("warpsph.scene",),

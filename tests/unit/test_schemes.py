@@ -70,7 +70,7 @@ def test_the_scheme_decides_the_model():
     assert not hasattr(case_with().numerics, "time_order") and not hasattr(case_with(scheme="isph").numerics, "star_states")
 
 
-@pytest.mark.parametrize("name", ["riemann", "isph", "delta_plus"])
+@pytest.mark.parametrize("name", ["riemann", "isph", "delta_plus", "gas"])
 def test_each_scheme_has_a_name_a_summary_and_numerics(name):
     scheme = registry.find(name)
     assert scheme is registry.find(name) and scheme.name == name and scheme.summary
@@ -99,8 +99,8 @@ def test_an_unknown_scheme_names_those_there_are(toy):
     problems = problems_with(scheme="isp", time_order=1, courant=-1, wrong=1)
     assert set(problems) == {"numerics.scheme", "numerics.courant", "numerics.wrong"}  # nothing about keys of a scheme
     assert problems["numerics.scheme"].remedy == "did you mean isph?"
-    assert "riemann, isph, delta_plus, toy" in problems["numerics.scheme"].rule
-    assert "riemann, isph, delta_plus, toy" in problems_with(scheme=3)["numerics.scheme"].rule
+    assert "riemann, isph, delta_plus, gas, toy" in problems["numerics.scheme"].rule
+    assert "riemann, isph, delta_plus, gas, toy" in problems_with(scheme=3)["numerics.scheme"].rule
 
 
 @pytest.mark.parametrize("written", [3, "isph", None, [1]])
@@ -141,7 +141,7 @@ def test_a_name_is_given_once(toy):
         other.name = name
         with pytest.raises(ValueError, match="already"):
             registry.register(other)
-    with pytest.raises(KeyError, match="riemann, isph, delta_plus, toy"):
+    with pytest.raises(KeyError, match="riemann, isph, delta_plus, gas, toy"):
         registry.find("sph")
 
 

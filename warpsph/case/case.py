@@ -67,8 +67,8 @@ class Case(CaseModel):
     description: StrictStr = Field(
         default="", description="longer text for people", examples=['"what to look at"']
     )
-    dimension: Annotated[Literal[2, 3], ChoiceRule()] = Field(
-        description="number of space dimensions", examples=["2"]
+    dimension: Annotated[Literal[1, 2, 3], ChoiceRule()] = Field(
+        description="number of space dimensions; 1 with scheme: gas alone", examples=["2"]
     )
     particle_spacing: PositiveNumber = Field(
         description="distance of particles at the start, m", examples=["0.01"]
@@ -266,8 +266,9 @@ class Case(CaseModel):
         `Case.from_dict(case.to_dict(), case.source_folder) == case` holds.
         """
         plain = self.model_dump(mode="python", by_alias=True, exclude_unset=not defaults)
-        if self.dimension == 2 and defaults:
-            del plain["domain"]["boundary"]["z"]
+        if self.dimension < 3 and defaults:
+            for axis in AXES[self.dimension :]:
+                del plain["domain"]["boundary"][axis]
             for body in plain["bodies"].values():
                 if isinstance(body.get("motion"), dict):
                     body["motion"].pop("axis", None)

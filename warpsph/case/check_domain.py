@@ -73,13 +73,15 @@ def check_signals(case: Any, folder: Path | None, _raw: Any) -> Problems:
 
 
 def check_boundary(case: Any, _folder: Path | None, raw: Any) -> Problems:
-    if case.dimension == 2 and dig(raw, "domain", "boundary", "z") is not MISSING:
-        yield Problem(
-            "domain.boundary.z",
-            dig(raw, "domain", "boundary", "z"),
-            "has no z axis (dimension: 2)",
-            "delete it",
-        )
+    known = case.scheme.dimensions
+    if case.dimension not in known:
+        rule = f"is not known to scheme: {case.scheme.name}, which has {' and '.join(map(str, known))}"
+        yield Problem("dimension", case.dimension, rule, f"write dimension: {known[0]}, or scheme: gas")
+    for axis in AXES[case.dimension :]:
+        written = dig(raw, "domain", "boundary", axis)
+        if written is not MISSING:
+            rule = f"has no {axis} axis (dimension: {case.dimension})"
+            yield Problem(f"domain.boundary.{axis}", written, rule, "delete it")
     yield from each(_check_axis, [(position,) for position in range(case.dimension)], case, raw)
 
 

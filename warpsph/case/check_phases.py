@@ -183,5 +183,17 @@ def check_start(case: Any, _folder: Path | None, _raw: Any) -> Problems:
                         "use none, a wall, or body_force",
                     )
 
+    def density() -> Problems:
+        yield from check_names(case, "start.density", case.start.density)
+        if case.scheme.varying_density:
+            return
+        if case.start.density is not None:
+            rule = f"varies the density, which scheme: {case.scheme.name} does not know"
+            yield Problem("start.density", case.start.density.text, rule, "delete it, or write numerics: {scheme: gas}")
+        if case.start.arrangement == "equal_mass":
+            rule = f"is for a density that varies, which scheme: {case.scheme.name} does not know"
+            yield Problem("start.arrangement", "equal_mass", rule, "write auto, or numerics: {scheme: gas}")
+
     yield from guarded(velocity())
     yield from guarded(pressure())
+    yield from guarded(density())

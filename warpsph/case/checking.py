@@ -66,9 +66,14 @@ def known_phase(case: Any, path: str, name: str) -> Problems:
 
 
 def check_names(case: Any, path: str, formula: Any) -> Problems:
-    """No z in two dimensions."""
-    if isinstance(formula, Expression) and case.dimension == 2 and "z" in formula.names:
-        yield Problem(path, formula.text, "uses z (dimension: 2)", "use x and y only")
+    """No z in two dimensions, no y in one."""
+    if not isinstance(formula, Expression):
+        return
+    for axis in AXES[case.dimension :]:
+        if axis in formula.names:
+            rule = f"uses {axis} (dimension: {case.dimension})"
+            yield Problem(path, formula.text, rule, f"use {' and '.join(AXES[: case.dimension])} only")
+            return
 
 
 def check_often(case: Any, path: str, read: Callable[[], Any]) -> Problems:

@@ -112,8 +112,8 @@ _Names = Sequence[str]
 
 
 def _unit(axes: _Names, three_d: str, two_d: str) -> str:
-    """The unit in this dimension."""
-    return three_d if len(axes) == 3 else two_d
+    """The unit in this dimension: in 2-D all is per metre of depth, in 1-D per square metre of the section."""
+    return {3: three_d, 2: two_d}.get(len(axes), f"{three_d}/m^2")
 
 
 def _energy(spec: Any, case: Any, phases: _Names, axes: _Names) -> list[Column]:
@@ -128,7 +128,7 @@ def _momentum(spec: Any, case: Any, phases: _Names, axes: _Names) -> list[Column
     linear, angular = _unit(axes, "kg m/s", "kg/s"), _unit(axes, "kg m^2/s", "kg m/s")
     return [
         *(Column(f"momentum_{axis}", linear) for axis in axes),
-        *(Column(f"angular_{axis}", angular) for axis in (axes if len(axes) == 3 else ("z",))),
+        *(Column(f"angular_{axis}", angular) for axis in {3: axes, 2: ("z",)}.get(len(axes), ())),
         Column("scale", linear),
         Column("max_speed", "m/s"),
     ]

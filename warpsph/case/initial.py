@@ -22,10 +22,11 @@ from warpsph.case.values import (
 class Start(CaseModel):
     """The state at time 0."""
 
-    arrangement: Annotated[Literal["auto", "lattice", "fitted"], ChoiceRule()] = Field(
+    arrangement: Annotated[Literal["auto", "lattice", "fitted", "equal_mass"], ChoiceRule()] = Field(
         default="auto",
         description="lattice: particles in the middle of square cells; fitted: in rows along the interfaces, half a "
-        "spacing from them, evenly spaced elsewhere. auto: fitted where an interface between two phases runs through cells",
+        "spacing from them, evenly spaced elsewhere; equal_mass: rows of a lattice, moved along x until all particles have "
+        "the same mass (gas). auto: fitted where an interface between two phases runs through cells",
         examples=["lattice"],
     )
     noise: Annotated[float, NumberRule(least=0, most=0.3)] = Field(
@@ -40,6 +41,11 @@ class Start(CaseModel):
         default=(),
         description="velocity, m/s: one number or formula in x, y, z (m) and r an axis (default zero)",
         examples=["[0, 0]"],
+    )
+    density: Annotated[Expression | None, FormulaRule(words=(("none", None),))] = Field(
+        default=None,
+        description="density, kg/m^3: a formula in x, y, z, r; none: that of the phase (gas)",
+        examples=['"where(x < 0, 1, 0.125)"'],
     )
     pressure: Annotated[
         Expression | Literal["hydrostatic"] | None,

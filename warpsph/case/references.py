@@ -231,8 +231,10 @@ class ReferenceExact(_Reference):
         description="formula in x, y, z (m), t (s) and r; a list of them for velocity",
         examples=['"exp(-t)*sin(x)"'],
     )
-    norm: Annotated[Literal["l1", "l2", "max"], ChoiceRule()] = Field(
-        default="l1", description="norm of the error", examples=["l1"]
+    norm: Annotated[Literal["l1", "l1_volume", "l2", "max"], ChoiceRule()] = Field(
+        default="l1",
+        description="norm of the error; l1_volume: the mean over the volume of the fluid, in the unit of the field",
+        examples=["l1"],
     )
 
 

@@ -75,7 +75,7 @@ _THE_FILE = ValidationRun(name="default")
 class ValidationFigure(CaseModel):
     """What the figure of each validation run shows of the particles, under the interfaces of `reference`."""
 
-    field: Annotated[Literal["phase", "speed", "pressure", "vorticity"], ChoiceRule()] = Field(
+    field: Annotated[Literal["phase", "speed", "pressure", "density", "vorticity"], ChoiceRule()] = Field(
         description="what colours the particles", examples=["phase"]
     )
     times: Times | None = Field(

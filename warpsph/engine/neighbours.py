@@ -18,7 +18,7 @@ from warpsph.engine import free_memory
 from warpsph.engine.launch import Bindings, Launcher, Task
 from warpsph.engine.population import Population
 from warpsph.errors import CapacityError
-from warpsph.kernels.core import cells, slack, visibility
+from warpsph.kernels.core import cells, slack, varying_list, visibility
 from warpsph.kernels.core.clock import make_judge
 from warpsph.kernels.core.leaks import make_in_cells, make_leaks, make_sunk
 from warpsph.kernels.core.mirror import code_shift, make_sides
@@ -104,7 +104,9 @@ class NeighbourList:
         self.list_radius = support * (1.0 + skin)
         self.spec = dataclasses.replace(particles.spec, wide_list=False)
         spec, device = self.spec, particles.device
-        counts, widths = grid_layout(lower, upper, periodic, self.list_radius)
+        # where lengths vary they may grow, and cells that are a little wider spare a slightly thinner gas a longer search
+        margin = varying_list.CELL_MARGIN if spec.varying_h else 1.0
+        counts, widths = grid_layout(lower, upper, periodic, margin * self.list_radius)
         self.cells_per_axis = counts
         grid = cells.make_grid(spec.dimension, spec.precision)()
         vec = types_of(spec).vec
@@ -160,6 +162,11 @@ class NeighbourList:
                 frame_reach=real(1.5 * self.list_radius), frame_corners=wp.zeros(2, dtype=vec, device=device)
             )  # fmt: skip
         bindings.update(slack_maxima=self.slack_maxima, horizon=wp.zeros(1, dtype=real, device=device))
+        if spec.varying_h:
+            bindings.update(
+                cell_reach=wp.zeros(cell_count, dtype=int, device=device),
+                skin_length=real(skin * support),
+            )
         self.check_tasks = self._make_check_tasks()
         self.width = 0
         self.neighbours: Any = None
@@ -234,6 +241,8 @@ class NeighbourList:
         launcher, bindings, particles = self.launcher, self.bindings, self.particles
         n, fluid, wall = particles.capacity, particles.fluid_capacity, particles.wall_count
         tasks = []
+        if spec.varying_h and moving:
+            tasks.append(launcher.task("keys", varying_list.make_note_lengths(spec), fluid, bindings))
         if spec.windows and any(spec.periodic) and moving:
             tasks.append(launcher.task("keys", make_wrap(spec), fluid, bindings))
         tasks.append(launcher.task("keys", cells.make_keys(spec), fluid, bindings, special={"moving": int(moving)}))
@@ -268,7 +277,13 @@ class NeighbourList:
         if spec.changing:
             special = {"dead_cell": self.cell_count}
             tasks.append(launcher.task("ranges", cells.make_live(), 1, bindings, single=True, special=special))
-        tasks.append(launcher.task("list", cells.make_list(spec), n, bindings))
+        if spec.varying_h:
+            clear, spread = varying_list.make_clear_reach(), varying_list.make_spread_reach(spec)
+            tasks.append(launcher.task("ranges", clear, self.cell_count, bindings))
+            tasks.append(launcher.task("ranges", spread, fluid, bindings))
+            tasks.append(launcher.task("list", varying_list.make_varying_list(spec), n, bindings))
+        else:
+            tasks.append(launcher.task("list", cells.make_list(spec), n, bindings))
         if spec.tails:
             tasks += self._sight_tasks()
         if self._seeks_bodies:

@@ -75,7 +75,7 @@ class Gauge:
 
     def unit(self, three_d: str, two_d: str) -> str:
         """The unit in this dimension."""
-        return three_d if self.dimension == 3 else two_d
+        return {3: three_d, 2: two_d}.get(self.dimension, f"{three_d}/m^2")
 
     @property
     def columns(self) -> list[Column]:

@@ -75,7 +75,7 @@ class MomentumGauge(Gauge):
         spin = motion.spin.sum(axis=0)
         fastest = motion.max_speed[~np.isnan(motion.max_speed)].max(initial=0.0)
         return [
-            *motion.momentum.sum(axis=0), *(spin if self.dimension == 3 else spin[2:]), motion.scale.sum(), fastest
+            *motion.momentum.sum(axis=0), *{3: spin, 2: spin[2:]}.get(self.dimension, ()), motion.scale.sum(), fastest
         ]  # fmt: skip
 
 

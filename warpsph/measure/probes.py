@@ -19,8 +19,9 @@ from warpsph.snapshot import Snapshot
 
 
 def sample(
-    snapshot: Snapshot, points: np.ndarray, fields: Sequence[str], support: float, box: Sequence[float], degree: int = 2
-) -> dict[str, np.ndarray]:
+    snapshot: Snapshot, points: np.ndarray, fields: Sequence[str], support: float, box: Sequence[float], degree: int = 2,
+    reach: float | None = None,
+) -> dict[str, np.ndarray]:  # fmt: skip
     """Return field name -> values at the points, (m,) or (m, dimension) for vectors.
 
     Args:
@@ -30,6 +31,8 @@ def sample(
         support: radius of the weight, a Wendland C2 kernel [m].
         box: period of each axis [m], 0 where it is not periodic.
         degree: of the polynomial that is fitted, 2 or 1.
+        reach: support radius over the smoothing length of a particle, where each has its own (`own["smoothing"]`): a point
+            then has the support of the particle that is nearest to it.
     """
     from scipy.spatial import cKDTree
 
@@ -40,10 +43,13 @@ def sample(
     stacked = np.column_stack([value.reshape(len(fluid), math.prod(value.shape[1:])) for value in columns.values()])
     period = np.asarray(box, dtype=float)
     tree = cKDTree(_into(fluid.position, period), boxsize=period, balanced_tree=False, compact_nodes=False)
-    near = tree.query_ball_point(_into(points, period), support, return_sorted=True)
+    supports = np.full(len(points), support)
+    if reach is not None and len(fluid):
+        supports = reach * fluid.own["smoothing"][tree.query(_into(points, period))[1]].astype(float)
+    near = tree.query_ball_point(_into(points, period), supports, return_sorted=True)
     result = np.full((len(points), stacked.shape[1]), np.nan)
     for k, (point, rows) in enumerate(zip(points, near, strict=True)):
-        result[k] = _at(point, fluid, stacked, np.asarray(rows, dtype=np.int64), support, period, degree)
+        result[k] = _at(point, fluid, stacked, np.asarray(rows, dtype=np.int64), float(supports[k]), period, degree)
     out: dict[str, np.ndarray] = {}
     place = 0
     for name, value in columns.items():

@@ -68,6 +68,8 @@ class Scene:
         self.phase_names: list[str] = list(case.phase_names)
         known = eos if eos is not None else eos_of_case(case)
         self.eos = [known[name] for name in self.phase_names] if known else None
+        self.internal_energy: bool = case.scheme.internal_energy
+        self.heats = [float(phase.gamma) - 1.0 for phase in case.phases.values()]
         self._gravity = case.gravity
         self.gravity_varies = varies(case.gravity)
         central = case.central_force
@@ -160,7 +162,7 @@ class Energies:
     potential: np.ndarray
     """(P,) sum of m (-g.x + B^2 |x - c|^2/2), g at the moment, B and c those of a central force"""
     elastic: np.ndarray
-    """(P,) see PhaseEos; 0 if the scene has no equations of state"""
+    """(P,) see PhaseEos; 0 if the scene has no equations of state; of a gas its internal energy, p V/(gamma - 1)"""
 
     @classmethod
     def made_of(cls, totals: np.ndarray, largest: np.ndarray, scene: Scene, cuts: np.ndarray) -> Self:
@@ -176,7 +178,10 @@ class Energies:
         elastic = np.zeros(len(mass))
         for index, eos in enumerate(scene.eos or []):
             mine = snapshot.phase == index
-            elastic[mine] = mass[mine] * eos.elastic_energy(snapshot.density[mine])
+            if scene.internal_energy:
+                elastic[mine] = snapshot.pressure[mine] * snapshot.volume[mine] / scene.heats[index]
+            else:
+                elastic[mine] = mass[mine] * eos.elastic_energy(snapshot.density[mine])
         kinetic = 0.5 * mass * np.einsum("ij,ij->i", velocity, velocity)
         return np.stack([kinetic, mass * height, elastic], axis=1), np.empty((len(mass), 0))
 

@@ -119,8 +119,9 @@ class DeviceSums:
     def _reduction(self, group: str) -> tuple[list[Callable[[], None]], Any, Any]:
         spec = self.particles.spec
         kernel, total, most = phase_sums.make_phase_sums(
-            group, spec.dimension, spec.precision, spec.multiphase, self.staggered, self.launcher.is_cpu, self.zones
-        )
+            group, spec.dimension, spec.precision, spec.multiphase, self.staggered, self.launcher.is_cpu, self.zones,
+            spec.internal_energy,
+        )  # fmt: skip
         phases = self.scene.phase_count
         rows = phases * self.blocks
         totals = wp.zeros(rows, dtype=total, device=self.launcher.device)

@@ -509,7 +509,8 @@ class Model:
             self.stepper.bindings[name].assign(state[name])
         clock = np.array(self.stepper.read()[0])
         saved = state["clock"]
-        clock[ck.CLOCK.kept] = saved[ck.CLOCK.kept]
+        there = [k for k in ck.CLOCK.kept if k < len(saved)]  # checkpoints of older versions have fewer entries
+        clock[there] = saved[there]
         self.stepper.write(
             clock=dict(enumerate(clock)),
             # checkpoints of older versions have fewer counters

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from warpsph.kernels.core.smoothing import KERNELS
 from warpsph.measure.gauges import GaugeSet
 from warpsph.measure.probes import sample
 from warpsph.running.budgets import budget
@@ -85,13 +86,17 @@ class Recorder:
             points, fields, degrees = gauges.sample_points, gauges.sample_fields, gauges.sample_degrees
             for name in gauges.due(snapshot.time):
                 if name in points:
-                    support = self.model.physics.support
-                    snapshot.samples[name] = sample(fluid, points[name], fields[name], support, self._box, degrees[name])
+                    support, spec = self.model.physics.support, self.model.physics.spec
+                    reach = KERNELS[spec.kernel].support if spec.varying_h else None
+                    chosen = points[name], fields[name], support, self._box, degrees[name], reach
+                    snapshot.samples[name] = sample(fluid, *chosen)
         gauges.record(snapshot)
 
     def _around(self, points: np.ndarray) -> np.ndarray:
         """Rows of the fluid particles within reach of the points (n, d)."""
         model = self.model
+        if model.physics.spec.varying_h:  # how far a particle reaches is its own affair
+            return np.arange(model.particles.fluid_count)
         if self._nearby is None or self._grown != model.particles.grown:
             self._nearby = Nearby(model.particles, model.launcher, self.gauges.scene, model.physics.support)
             self._grown = model.particles.grown

@@ -26,9 +26,10 @@ from warpsph.errors import CaseError, Problem
 from warpsph.scene.body_surfaces import SAME
 from warpsph.scene.borders import Regions
 from warpsph.scene.cut_cells import cut_places
+from warpsph.scene.equal_masses import equal_masses
 from warpsph.scene.fluid_regions import EntryAt, chosen_arrangement, fluid_regions, loose_gas, off_lattice
 from warpsph.scene.lattice import Lattice, make_lattice
-from warpsph.scene.start_fluid import fluid_particles, start_pressure, start_velocity
+from warpsph.scene.start_fluid import fluid_particles, start_density, start_pressure, start_velocity
 from warpsph.scene.wall_cells import Surroundings, WallCells
 
 if TYPE_CHECKING:
@@ -54,6 +55,7 @@ class Geometry:
     kind: (n,) uint8, 0 fluid, 1 wall
     volume: (n,), m^d
     pressure: (n,), Pa, without the background pressure; 0 for walls
+    density: (fluid,), kg/m^3, where `start.density` gives it; None: that of the phases
     wall_slip: (n,) uint8, 1 on free-slip walls
     wall_sides: (n,) uint8, the sides whose velocity a wall particle has: bit 2 axis the lower, 2 axis + 1 the upper one
     boundary_velocity: (n, d), m/s; velocity of the wall, 0 for fluid
@@ -92,6 +94,7 @@ class Geometry:
     arrangement: str = "lattice"
     arrangement_reason: str = ""
     warnings: list[str] = field(default_factory=list)
+    density: NDArray[np.float64] | None = None
 
     @property
     def count(self) -> int:
@@ -159,7 +162,9 @@ def build(case: Case, support: float, unlock: float = 0.0, arrange: Arrange | No
         distances = [solid.surface.signed_distance for solid in walls.solids]
         packed = cut_places(lattice, case.periodic, region >= 0, covered, distances)
     fluid = fluid_particles(case, lattice, region, max(case.start.noise, unlock), None if packed is None else packed[0])
+    crowded = equal_masses(case, lattice, fluid, problems) if arrangement == "equal_mass" else None
     velocity = start_velocity(case, fluid, problems)
+    varying = start_density(case, fluid, problems)
     pressure = None
     if case.start.pressure is not None:
         rest_density = np.array([*(phase.density for phase in case.phases.values()), 0.0])
@@ -182,6 +187,8 @@ def build(case: Case, support: float, unlock: float = 0.0, arrange: Arrange | No
     volume = np.full(total, lattice.cell_volume)
     if packed is not None:
         volume[:fluids] *= packed[1]
+    if crowded is not None:
+        volume[:fluids] *= crowded
     surface = walls.surface() if case.bodies else None
     if surface is not None:
         volume[fluids:] = surface.volume
@@ -207,6 +214,7 @@ def build(case: Case, support: float, unlock: float = 0.0, arrange: Arrange | No
         arrangement=arrangement,
         arrangement_reason=reason,
         warnings=warnings,
+        density=varying,
     )
 
 

@@ -35,7 +35,8 @@ def smoothing_ratio(case: Case) -> float:
     if given != "auto":
         return float(given)
     printed = case.numerics.formulation == "paper"
-    return (case.scheme.printed_ratio if printed else None) or case.scheme.usual_ratio or IMPROVED_RATIO
+    usual = case.scheme.ratios.get(case.dimension) or case.scheme.usual_ratio
+    return (case.scheme.printed_ratio if printed else None) or usual or IMPROVED_RATIO
 
 
 def support_radius(case: Case) -> float:

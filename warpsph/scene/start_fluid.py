@@ -80,6 +80,18 @@ def start_velocity(case: Case, fluid: FluidParticles, problems: list[Problem]) -
     return velocity
 
 
+def start_density(case: Case, fluid: FluidParticles, problems: list[Problem]) -> NDArray[np.float64] | None:
+    """Density (n,) of fluid particles where the case gives one, kg/m^3; None stands for that of the phases."""
+    formula = case.start.density
+    if formula is None:
+        return None
+    try:
+        return np.array(values_at(formula, list(fluid.position.T), (len(fluid.position),)))
+    except ExpressionError as error:
+        problems.append(Problem("start.density", error.text, error.rule_with_column, error.remedy))
+        return None
+
+
 def start_pressure(
     case: Case,
     lattice: Lattice,

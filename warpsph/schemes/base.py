@@ -33,6 +33,10 @@ class Scheme:
         mirrors_sides: walls at sides of the domain are mirror images of the fluid, not particles.
         printed_ratio: smoothing length over spacing of `formulation: paper`, or None for the usual one.
         usual_ratio: smoothing length over spacing that `auto` means otherwise, or None for that of the other schemes.
+        ratios: the same by the dimension, where it depends on that.
+        dimensions: numbers of space dimensions that it knows.
+        varying_density: the density of a phase may vary in space at the start (`start.density`).
+        internal_energy: the fluid has an internal energy of its own, `Spec.internal_energy`.
         skin: of the neighbour list, as share of the support radius, where the case says `auto`.
         shifts: particles are shifted whatever the pressure gradient is, for the estimate of memory.
         shown: names of fields that a snapshot carries in `own`, beside those of every scheme.
@@ -50,6 +54,10 @@ class Scheme:
     mirrors_sides: bool = False
     printed_ratio: float | None = None
     usual_ratio: float | None = None
+    ratios: Mapping[int, float] = {}
+    dimensions: tuple[int, ...] = (2, 3)
+    varying_density: bool = False
+    internal_energy: bool = False
     skin: float = 0.12
     shifts: bool = False
     shown: tuple[str, ...] = ()

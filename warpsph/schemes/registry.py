@@ -19,6 +19,7 @@ _BUILT_IN = {
     "riemann": "warpsph.schemes.riemann_scheme:RiemannScheme",
     "isph": "warpsph.schemes.isph_scheme:IsphScheme",
     "delta_plus": "warpsph.schemes.delta_scheme:DeltaScheme",
+    "gas": "warpsph.schemes.gas_scheme:GasScheme",
 }
 _known: dict[str, Scheme] = {}
 

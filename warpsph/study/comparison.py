@@ -25,6 +25,7 @@ With f the run's values and g the reference's, at the same times, points or part
 | curve, curves: rms | sqrt(mean (f - g)^2) / s | their root mean squares |
 | curve, curves: final | abs(f - g) / s at the last time | f and g there; curves: rms of the last profile |
 | particles: l1 | mean abs(f - g) / mean abs(g) | mean abs(f) and mean abs(g) |
+| particles: l1_volume | sum V abs(f - g) / sum V, absolute | sum V abs(f) / sum V and sum V abs(g) / sum V |
 | particles: l2 | sqrt(sum abs(f - g)^2 / sum abs(g)^2) | their root mean squares |
 | particles: max | max abs(f - g) / max abs(g) | max abs(f) and max abs(g) |
 | interface | wrong area / area of the fluid or of the phase | wrong area and the area that divides it |
@@ -417,10 +418,11 @@ def _exact(spec: Any, source: Results) -> dict[str, Any]:
     if remove_mean:
         weight = particles.volume / particles.volume.sum()
         values, reference = values - weight @ values, reference - weight @ reference
-    error, value, size, relative = particle_norm(values, reference, spec.norm)
+    error, value, size, relative = particle_norm(values, reference, spec.norm, particles.volume)
     note = f"at t = {particles.time:g} s"
     if not relative:
-        note = f"absolute error, as the reference is 0; {note}"
+        why = ", a mean over the volume" if spec.norm == "l1_volume" else ", as the reference is 0"
+        note = f"absolute error{why}; {note}"
     if remove_mean:
         note += ", without the means"
     return {"value": value, "reference": size, "error": error, "unit": unit, "note": note}

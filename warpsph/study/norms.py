@@ -121,13 +121,19 @@ def norm_of(
     return float(relative.max()), int(used[relative.argmax()])
 
 
-def particle_norm(values: np.ndarray, reference: np.ndarray, norm: str) -> tuple[float, float, float, bool]:
+def particle_norm(
+    values: np.ndarray, reference: np.ndarray, norm: str, volume: np.ndarray | None = None
+) -> tuple[float, float, float, bool]:
     """Error, size of the values, size of the reference, and whether the error is relative to the latter.
 
-    `values` and `reference` are (n,) or (n, dimension); `norm` is l1, l2 or max, see the module.
+    `values` and `reference` are (n,) or (n, dimension); `norm` is l1, l2, max, or l1_volume, which weighs each particle with
+    its `volume` (n,); see the module.
     """
     difference = length(values - reference)
     run, known = length(values), length(reference)
+    if norm == "l1_volume":
+        error, value, size = (float(np.average(lengths, weights=volume)) for lengths in (difference, run, known))
+        return error, value, size, False
     reduce: Callable[[np.ndarray], float] = {
         "l1": lambda lengths: float(np.mean(lengths)),
         "l2": lambda lengths: float(np.sqrt(np.mean(lengths**2))),

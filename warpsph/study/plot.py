@@ -51,6 +51,8 @@ def plot_run(
 ) -> list[Path]:
     """Draw the particles of a run at some times and the curves of its gauges; return the PNG files written.
 
+    In one dimension the particles are drawn as the field over x.
+
     folder: run folder
     field: a scalar field of the particle files, `vorticity`, a component of a vector (velocity_x), or the magnitude of a
         vector (velocity; speed is the same)
@@ -85,7 +87,9 @@ def plot_run(
     names = phase_names(folder)
     shown = shown_phases(names, phases)
     frames = [view.cut(frame).only(shown) for frame in frames]
-    written = [_save(_draw_particles(frames, view, field, names, over), particles_png)]
+    on_line = all(not frame.fluid.position[:, 1:].any() for frame in frames)
+    picture = _draw_profiles(frames, view, field) if on_line else _draw_particles(frames, view, field, names, over)
+    written = [_save(picture, particles_png)]
     curves = _draw_gauges(sorted((folder / "gauges").glob("*.csv")))
     if curves is not None:
         written.append(_save(curves, gauges_png))
@@ -373,6 +377,22 @@ def _draw_particles(
     scale.bar(figure, axes, view, names)
     if view.note:
         figure.suptitle(view.note)
+    return figure
+
+
+def _draw_profiles(frames: list[Frame], view: View, field: str) -> "Figure":
+    """The field over x of a scene of one dimension, one panel a frame, the same axes for all."""
+    fields = [field_of(frame, view, field) for frame in frames]
+    shared = np.concatenate([values[np.isfinite(values)] for values in fields])
+    low, high = float(shared.min(initial=0.0)), float(shared.max(initial=0.0))
+    margin = 0.05 * (high - low) or 1.0
+    figure, axes = _panels(len(frames), 1.5)
+    for panel, frame, values in zip(axes, frames, fields, strict=True):
+        panel.plot(frame.fluid.position[:, 0], values, ".", markersize=3)
+        panel.set(xlim=(view.lower[0], view.upper[0]), ylim=(low - margin, high + margin))
+        panel.set_xlabel("x [m]")
+        panel.set_ylabel(_label(field, flat=False))
+        panel.set_title(f"t = {frame.time:.4g} s")
     return figure
 
 

@@ -1,0 +1,1 @@
+"""Kernels of the compressible gas (theory: compressible#c1 to compressible#c4)."""

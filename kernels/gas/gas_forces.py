@@ -1,0 +1,255 @@
+"""Acceleration and power of the gas: pairs of Riemann problems, or artificial viscosity (theory: compressible#c2-pairs)."""
+
+import functools
+from typing import Any
+
+import warp as wp
+
+from warpsph.kernels.core.mirror import code_shift, make_images, make_sides
+from warpsph.kernels.core.pair import WRAPPED, list_access
+from warpsph.kernels.core.params import make_params, make_phase
+from warpsph.kernels.core.smoothing import make_smoothing
+from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, types_of
+
+from .limiters import make_limiters
+from .riemann_states import make_acoustic_states, make_exact_states
+
+# Jump of a pair, over its pressure, below which the acoustic star state is as good as the exact one: its error is of the
+# second order in the jump, a part in a million of the pressure. Most pairs of most flows are below.
+WEAK = 1.0e-3
+SLOTS = 64  # of the array that the largest signal rate is gathered in
+
+
+@functools.cache
+def make_gas_exchange(spec: Spec) -> tuple[Any, Any]:
+    """Return the struct `Side` and the `wp.func` exchange(i, j, ...) -> (force, power) of a pair, per unit mass of both.
+
+    With g = |W'(h_i)|/(Omega_i rho_i^2) + |W'(h_j)|/(Omega_j rho_j^2), u along the way from i to j, and the star state of
+    the reconstructed sides (theory: compressible#c2-pairs):
+        force = p_i g_i + p_j g_j + (p* - (p_L + p_R)/2) g
+        power = p_i g_i u_j + p_j g_j u_i + (p* - (p_L + p_R)/2) g u* + (p_i + p_j)/2 g (u* - (u_L + u_R)/2)
+    Both are the same seen from j, but for the sign of the direction: momentum and energy are exchanged to rounding.
+    """
+    real = types_of(spec).real
+    ordered_step = make_limiters(spec.precision).ordered_step
+    shock_switch = make_limiters(spec.precision).shock_switch
+    acoustic, exact = make_acoustic_states(spec.precision), make_exact_states(spec.precision)
+
+    @wp.struct
+    class Side:
+        rho: real
+        u: real  # velocity along the way from i to j [m/s]
+        p: real
+        c: real
+        g: real  # |W'|/(Omega rho^2)
+        rho_rise: real  # gradients times the way from i to j
+        u_rise: real
+        p_rise: real
+
+    @wp.func
+    def exchange(a: Side, b: Side, gamma: real):
+        g = a.g + b.g
+        rho_l = a.rho
+        rho_r = b.rho
+        u_l = a.u
+        u_r = b.u
+        p_l = a.p
+        p_r = b.p
+        c_l = a.c
+        c_r = b.c
+        if wp.static(spec.limited):
+            half = real(0.5) * shock_switch(u_l, u_r, c_l, c_r)
+            rho_l = a.rho + half * ordered_step(b.rho - a.rho, a.rho_rise)
+            rho_r = b.rho - half * ordered_step(b.rho - a.rho, b.rho_rise)
+            u_l = a.u + half * ordered_step(b.u - a.u, a.u_rise)
+            u_r = b.u - half * ordered_step(b.u - a.u, b.u_rise)
+            p_l = a.p + half * ordered_step(b.p - a.p, a.p_rise)
+            p_r = b.p - half * ordered_step(b.p - a.p, b.p_rise)
+            c_l = wp.sqrt(gamma * p_l / rho_l)
+            c_r = wp.sqrt(gamma * p_r / rho_r)
+        star_p, star_u = acoustic(rho_l, u_l, p_l, c_l, rho_r, u_r, p_r, c_r, gamma)
+        if wp.static(spec.star == "exact"):
+            strength = wp.abs(p_l - p_r) + wp.max(rho_l * c_l, rho_r * c_r) * wp.abs(u_l - u_r)
+            if strength > real(WEAK) * wp.min(p_l, p_r):
+                star_p, star_u = exact(rho_l, u_l, p_l, c_l, rho_r, u_r, p_r, c_r, gamma)
+        shock = (star_p - real(0.5) * (p_l + p_r)) * g
+        heat = real(0.5) * (a.p + b.p) * g * (star_u - real(0.5) * (u_l + u_r))
+        force = a.p * a.g + b.p * b.g + shock
+        power = a.p * a.g * b.u + b.p * b.g * a.u + shock * star_u + heat
+        return force, power
+
+    return Side, exchange
+
+
+@functools.cache
+def make_viscous_exchange(spec: Spec) -> Any:
+    """Return the `wp.func` of the artificial viscosity Pi_ij [m^5/(kg s^2) in 3-D] (theory: compressible#c1-viscosity)."""
+    real = types_of(spec).real
+
+    @wp.func
+    def viscosity(closing: real, r: real, h: real, rho: real, c: real, alpha: real, beta: real):
+        mu = h * closing * r / (r * r + real(0.01) * h * h)  # positive where the pair closes in
+        return (alpha * c * mu + beta * mu * mu) / rho
+
+    return viscosity
+
+
+@functools.cache
+def make_gas_forces(spec: Spec) -> Any:
+    """Return the kernel of acceleration, power and the largest signal rate (c + closing/2)/h [1/s]."""
+    real, vec, mat, pair = types_of(spec)
+    Params = make_params(spec.dimension, spec.precision)
+    Phase = make_phase(spec.precision)
+    Sides = make_sides(spec.dimension, spec.precision)
+    _, slope = make_smoothing(spec.kernel, spec.precision)
+    images = make_images(spec)
+    apart, image_velocity = images.apart, images.image_velocity
+    list_begin, list_step, neighbour, Listed = list_access(spec)
+    image_bit = code_shift(spec.dimension)
+    index_mask = (1 << image_bit) - 1
+    Side, exchange = make_gas_exchange(spec)
+    viscosity = make_viscous_exchange(spec)
+    riemann = not spec.artificial_viscosity
+
+    @wp.func
+    def inner_slope(norm: real, r: real, h: real):
+        """|W'| of a smoothing length [1/m^(d+1)]."""
+        inverse = real(1.0) / h
+        result = -norm * slope(r * inverse) * r * inverse * inverse
+        for _axis in range(wp.static(spec.dimension)):
+            result = result * inverse
+        return result
+
+    @wp.func
+    def mirrored(v: vec, code: int):
+        """A gradient seen in the mirrors of a code."""
+        result = v + vec()
+        for axis in range(wp.static(spec.dimension)):
+            if ((code >> (2 * axis)) & 3) != 0:
+                result[axis] = -v[axis]
+        return result
+
+    @wp.kernel(module="unique", enable_backward=False, module_options=SWEEP_OPTIONS)
+    def gas_forces(
+        first: int,
+        particle_count: int,
+        list_width: int,
+        w_norm: real,
+        alpha: real,
+        beta: real,
+        conductivity: real,
+        params: Params,
+        sides: Sides,
+        phases: wp.array(dtype=Phase),
+        neighbours: Listed,
+        fluid_neighbours: wp.array(dtype=wp.int16),
+        flags: wp.array(dtype=wp.uint8),
+        held: wp.array(dtype=wp.uint8),
+        position: wp.array(dtype=vec),
+        velocity: wp.array(dtype=vec),
+        mass: wp.array(dtype=real),
+        smoothing: wp.array(dtype=real),
+        density: wp.array(dtype=real),
+        energy: wp.array(dtype=real),
+        stiffening: wp.array(dtype=real),
+        state: wp.array(dtype=pair),
+        density_gradient: wp.array(dtype=vec),
+        pressure_gradient: wp.array(dtype=vec),
+        velocity_gradient: wp.array(dtype=mat),
+        acceleration: wp.array(dtype=vec),
+        power: wp.array(dtype=real),
+        signal_rates: wp.array(dtype=real),
+    ):
+        i = wp.tid() + first
+        if wp.static(spec.held):
+            if held[i] != wp.uint8(0):
+                acceleration[i] = vec()
+                power[i] = real(0.0)
+                return
+        gamma = phases[0].gamma
+        xi = position[i]
+        vi = velocity[i]
+        hi = smoothing[i]
+        wrapped = bool(False)
+        if wp.static(any(spec.periodic)):
+            wrapped = (int(flags[i]) & WRAPPED) != 0
+        a = Side()
+        b = Side()
+        a.rho = density[i]
+        a.p = state[i][0]
+        a.c = wp.sqrt(gamma * a.p / a.rho)
+        total = vec()
+        work = real(0.0)
+        fastest = a.c
+        k = list_begin(i, list_width)
+        step = list_step(particle_count)
+        end = k + int(fluid_neighbours[i]) * step
+        while k < end:
+            j = neighbour(neighbours, i, k)
+            k += step
+            code = int(0)
+            if wp.static(spec.mirror):
+                code = j >> image_bit
+                j = j & index_mask
+            way = -apart(xi, position[j], code, wrapped, params, sides)
+            r = wp.sqrt(wp.dot(way, way))
+            hj = smoothing[j]
+            slope_i = inner_slope(w_norm, r, hi)
+            slope_j = inner_slope(w_norm, r, hj)
+            if slope_i + slope_j <= real(0.0):
+                continue
+            toward = way / r
+            vj = velocity[j]
+            if wp.static(spec.mirror):
+                if code != 0:
+                    vj = image_velocity(vj, code, sides)
+            a.u = wp.dot(vi, toward)
+            b.u = wp.dot(vj, toward)
+            b.rho = density[j]
+            b.p = state[j][0]
+            b.c = wp.sqrt(gamma * b.p / b.rho)
+            a.g = slope_i * stiffening[i]
+            b.g = slope_j * stiffening[j]
+            closing = wp.max(a.u - b.u, real(0.0))
+            fastest = wp.max(fastest, real(0.5) * (a.c + b.c + closing))
+            force = real(0.0)
+            rate = real(0.0)
+            if wp.static(riemann):
+                if wp.static(spec.limited):
+                    a.rho_rise = wp.dot(density_gradient[i], way)
+                    a.p_rise = wp.dot(pressure_gradient[i], way)
+                    a.u_rise = wp.dot(velocity_gradient[i] * way, toward)
+                    back = way + vec()
+                    if wp.static(spec.mirror):
+                        back = mirrored(way, code)
+                    b.rho_rise = wp.dot(density_gradient[j], back)
+                    b.p_rise = wp.dot(pressure_gradient[j], back)
+                    rise = velocity_gradient[j] * back
+                    if wp.static(spec.mirror):
+                        rise = mirrored(rise, code)
+                    b.u_rise = wp.dot(rise, toward)
+                force, rate = exchange(a, b, gamma)
+            else:
+                rho = real(0.5) * (a.rho + b.rho)
+                h = real(0.5) * (hi + hj)
+                mean_slope = real(0.5) * (slope_i + slope_j)
+                push = viscosity(closing, r, h, rho, real(0.5) * (a.c + b.c), alpha, beta) * mean_slope
+                force = a.p * a.g + b.p * b.g + push
+                rate = a.p * a.g * b.u + b.p * b.g * a.u + real(0.5) * push * (a.u + b.u)
+                if wp.static(spec.conduction):
+                    speed = wp.sqrt(wp.abs(a.p - b.p) / rho)
+                    rate += conductivity * speed / rho * (energy[i] - energy[j]) * mean_slope
+            total -= (mass[j] * force) * toward
+            work -= mass[j] * rate
+        if wp.static(spec.gravity or spec.body_force):
+            drive = params.gravity + params.body_force
+            total += drive
+            work += wp.dot(drive, vi)
+        acceleration[i] = total
+        power[i] = work
+        rate_here = fastest / hi
+        slot = i % wp.static(SLOTS)
+        if rate_here > signal_rates[slot]:
+            wp.atomic_max(signal_rates, slot, rate_here)
+
+    return gas_forces

@@ -1,0 +1,172 @@
+"""The compressible gas as a scheme of the registry."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from warpsph.case.signals import varies
+from warpsph.errors import Problem
+from warpsph.schemes.base import Scheme
+from warpsph.schemes.gas_numerics import GasNumerics
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from warpsph.engine.population import Population
+    from warpsph.engine.program import Absent, Program
+    from warpsph.kernels.core.fields import Field
+    from warpsph.kernels.core.spec import Spec
+    from warpsph.scene.geometry import Geometry
+    from warpsph.scene.physics import Physics
+
+MOST_GAMMA = 3.0  # of a gas with one degree of freedom
+
+
+class GasScheme(Scheme):
+    """Compressible gas with an energy equation and smoothing lengths that follow the density."""
+
+    name = "gas"
+    summary = "compressible gas with shocks, one phase"
+    numerics = GasNumerics
+    mirrors_sides = True
+    dimensions = (1, 2, 3)
+    ratios = {1: 1.0, 2: 1.3, 3: 1.3}
+    varying_density = True
+    internal_energy = True
+    skin = 0.3
+    shown = ("energy", "smoothing")
+
+    def check(self, case: Any) -> Iterator[Problem]:
+        """Yield what the scheme cannot do: several phases, tension, viscosity, bodies, moving walls, flow through sides."""
+        if len(case.phases) > 1:
+            rule = f"takes one phase, the case has {len(case.phases)}"
+            yield Problem("numerics.scheme", self.name, rule, "leave one phase; start.density varies within it")
+        if len(case.surface_tension) > 0:
+            rule = "does not act with scheme: gas"
+            yield Problem("surface_tension", len(case.surface_tension), rule, "delete it, or write scheme: riemann")
+        if len(case.bodies) > 0:
+            rule = "are not known to scheme: gas"
+            yield Problem("bodies", len(case.bodies), rule, "delete them; sides of the domain may be walls")
+        for name, phase in case.phases.items():
+            if not 1.0 < phase.gamma <= MOST_GAMMA:
+                rule = f"is the ratio of heats of a gas, above 1 and at most {MOST_GAMMA:g}"
+                yield Problem(f"phases.{name}.gamma", phase.gamma, rule, "write gamma: 1.4")
+            if phase.viscosity > 0:
+                rule = "does not act with scheme: gas"
+                yield Problem(f"phases.{name}.viscosity", phase.viscosity, rule, "delete it, or write scheme: riemann")
+            if phase.sound_speed != "auto":
+                rule = "follows from pressure and density with scheme: gas"
+                yield Problem(f"phases.{name}.sound_speed", phase.sound_speed, rule, "delete it")
+        yield from self._check_start(case)
+        yield from self._check_forces(case)
+        yield from self._check_sides(case)
+
+    def _check_start(self, case: Any) -> Iterator[Problem]:
+        """Yield what is wrong with the state at time 0: a gas without pressure has no energy."""
+        background = max(phase.background_pressure for phase in case.phases.values())
+        if isinstance(case.start.pressure, str) or (case.start.pressure is None and background == 0.0):
+            given = case.start.pressure if case.start.pressure is not None else "none"
+            rule = "is the pressure of the gas, which scheme: gas has to know everywhere"
+            yield Problem("start.pressure", given, rule, "write a number or a formula in x, y, z, r")
+
+    def _check_forces(self, case: Any) -> Iterator[Problem]:
+        """Yield forces that the gas does not know."""
+        for key in ("gravity", "body_force"):
+            if varies(getattr(case, key)):
+                yield Problem(key, "of time", "has to be constant with scheme: gas", "write numbers")
+        if case.central_force is not None:
+            yield Problem("central_force", case.central_force.rate, "does not act with scheme: gas", "delete it")
+
+    def _check_sides(self, case: Any) -> Iterator[Problem]:
+        """Yield sides that the gas does not know."""
+        for axis, sides in zip("xyz", case.sides, strict=False):
+            for end, side in (("lower", sides.lower), ("upper", sides.upper)):
+                if side.moves:
+                    rule = "moves, which an inviscid gas does not feel"
+                    yield Problem(f"domain.boundary.{axis}.{end}", side.kind, rule, "write free_slip")
+
+    def derive(self, case: Any, geometry: Geometry, row_list: bool) -> Physics:
+        """Return the numbers of a run, see `gas_physics`."""
+        from warpsph.schemes import gas_physics
+
+        return gas_physics.derive(case, geometry, row_list)
+
+    def fields(self) -> Sequence[Field]:
+        """Return the declarations of its fields."""
+        from warpsph.engine.integrators import work_fields
+        from warpsph.kernels.gas.gas_fields import ADVANCED, GAS_FIELDS
+
+        return [*GAS_FIELDS, *work_fields(ADVANCED)]
+
+    def program(self, spec: Spec, choices: Mapping[str, Any]) -> Program:
+        """Return what runs, see `gas_program`."""
+        from warpsph.schemes import gas_program
+
+        return gas_program.program(spec, choices["integrator"])
+
+    def absent(self, spec: Spec) -> list[Absent]:
+        """Return what a step leaves out, and why."""
+        from warpsph.schemes import gas_program
+
+        return gas_program.absent(spec)
+
+    def fill(self, population: Population, case: Any, geometry: Geometry, physics: Physics) -> None:
+        """Put masses, densities and the pressures that the energies follow from."""
+        import numpy as np
+
+        from warpsph.schemes import gas_physics
+
+        fluid = geometry.fluid_count
+        density, pressure = gas_physics.start_density(case, geometry), gas_physics.absolute_pressure(case, geometry)
+        gas_physics.check_positive(case, density, pressure)
+        volume = geometry.volume[:fluid]
+        rest = case.phases[case.phase_names[0]].density
+        population.put("mass", density * volume)
+        population.put("rest_volume", density * volume / rest)
+        population.put("density", density)
+        population.put("state", np.stack([pressure, volume], axis=1))
+        eta = float(physics.choices["smoothing_ratio"])
+        constant = physics.spec.constant_h
+        smoothing = np.full(fluid, physics.h) if constant else eta * volume ** (1.0 / case.dimension)
+        population.put("smoothing", smoothing)
+        omega = 1.0 if constant else gas_physics.lattice_sums(physics.spec.kernel, eta, case.dimension)[1]
+        population.put("stiffening", 1.0 / (omega * density**2))
+        if physics.spec.held:
+            population.put("held", gas_physics.beside_open_sides(case, geometry, smoothing * physics.support / physics.h))
+
+    def values(self, params: Any, case: Any, geometry: Geometry, physics: Physics, device: Any) -> dict[str, Any]:
+        """Return the numbers of its sweeps."""
+        import warp as wp
+
+        from warpsph.kernels.core.smoothing import KERNELS
+        from warpsph.kernels.core.spec import types_of
+        from warpsph.kernels.gas.gas_forces import SLOTS
+        from warpsph.schemes import gas_physics
+
+        choices, d = physics.choices, physics.spec.dimension
+        real = types_of(physics.spec).real
+        kernel = KERNELS[physics.spec.kernel]
+        eta = float(choices["smoothing_ratio"])
+        total, _ = gas_physics.lattice_sums(physics.spec.kernel, eta, d)
+        return {
+            "w_norm": real(kernel.alpha[d - 1] / total),
+            "reach": real(kernel.support),
+            "crowding": real(eta**d),
+            "alpha": real(choices["artificial_viscosity"]),
+            "beta": real(choices["quadratic_viscosity"]),
+            "conductivity": real(choices["conductivity"]),
+            "heats": real(case.phases[case.phase_names[0]].gamma - 1.0),
+            "signal_rates": wp.zeros(SLOTS, dtype=real, device=device),
+        }
+
+    def set_clock(self, clock: np.ndarray, counters: np.ndarray, physics: Physics) -> None:
+        """Let the signals of the particles limit the step, and every used-up list be made anew without a check."""
+        import numpy as np
+
+        from warpsph.kernels.core import clock as ck
+
+        clock[ck.COURANT] = np.inf
+        clock[ck.FORCE] = np.inf
+        clock[ck.SIGNAL_COURANT] = float(physics.choices["courant"])
+        clock[ck.FARTHEST] = 0.0
