@@ -128,8 +128,8 @@ def test_as_many_stages_as_are_fastest():
 @pytest.mark.parametrize(
     ("form", "dimension", "stages"), [("radial", 2, 3), ("radial", 2, 6), ("morris", 2, 4), ("radial", 3, 5)]
 )
-def test_stages_are_the_polynomial_of_the_friction_of_the_sweep(form, dimension, stages):
-    made, mass = bench(spec_of(dimension, stages, form), dimension)
+def test_stages_are_the_polynomial_of_the_friction_of_the_sweep(form, dimension, stages, device):
+    made, mass = bench(spec_of(dimension, stages, form), dimension, device=device)
     push = np.random.default_rng(1).normal(size=(len(mass), dimension))
     tau = 0.06 * reach(stages) * made.h**2 / (max(f.viscosity for f in FLUIDS) / min(f.density for f in FLUIDS))
     expected = solved(stages, lambda y: tau * friction(made, y), push)
@@ -176,15 +176,10 @@ def test_a_wall_mirrors_what_the_particle_has(slip):
 # -- whole runs --------------------------------------------------------------------------------------------
 
 
-def couette(stages, **changes):
-    simulation = Simulation(case_of(COUETTE, numerics__viscous_stages=stages, **changes), device="cpu")
-    simulation.run()
-    return simulation.state, simulation.physics
-
-
-def test_layers_in_steady_shear_with_twenty_times_the_step():
+def test_layers_in_steady_shear_with_twenty_times_the_step(device):
     """The stress of both layers is exact to what explicit friction has, whatever the step."""
-    state, physics = couette(6)
+    simulation = Simulation(case_of(COUETTE, numerics__viscous_stages=6), device=device).run()
+    state, physics = simulation.state, simulation.physics
     stress = 0.02 / (0.5 / 1 + 0.5 / 0.05)
     y = state.position[:, 1]
     exact = np.where(y < 0.5, stress * y, 0.02 - stress * (1 - y) / 0.05)
