@@ -11,7 +11,7 @@ from warpsph import Simulation
 from warpsph.errors import CaseError
 from warpsph.kernels.core.spec import Spec
 from warpsph.scene.geometry import build
-from warpsph.scene.physics import derive, support_radius
+from warpsph.scene.physics import VISCOUS_LIMIT, derive, support_radius
 from warpsph.schemes import viscous_steps
 from warpsph.schemes.viscous_steps import LEAST, MOST, reach, viscous_stages, weights, worth
 
@@ -136,6 +136,29 @@ def test_stages_are_the_polynomial_of_the_friction_of_the_sweep(form, dimension,
     found = staged(made, push, tau)
     assert np.abs(expected - push).max() > 0.3
     assert found == pytest.approx(expected, abs=1e-9)
+
+
+@pytest.mark.parametrize("stages", [3, 16])
+def test_no_mode_grows_where_the_sweep_corrects_for_disorder(stages):
+    """The friction of the sweep is not that of the stages then; a step is stable at their full reach, not at thrice it."""
+    count = 8
+    x = np.mod(lattice((count, count), SPACING, 0.2, centre=False), SPACING * count)
+    operators = []
+    for changes in ({}, {"corrected": True, "shifting": True}):
+        alike = {"dimension": 2, "precision": "float64", "periodic": (True, True), "viscosity": "radial"}
+        spec = Spec(**alike, **changes)
+        options = {"spacing": SPACING, "skin": 0.02, "lower": 0.0, "upper": SPACING * count}
+        made = Bench(spec, x, fluids=(Fluid(density=1.0, viscosity=1.0),), **options)
+        units = np.eye(x.size).reshape(x.size, *x.shape)
+        operators.append(np.stack([friction(made, unit).ravel() for unit in units], axis=1))
+    plain, corrected = operators
+    assert np.abs(plain - corrected).max() > 0.05 * np.abs(plain).max()
+    growth = []
+    for times in (1.0, 3.0):
+        tau = times * reach(stages) * VISCOUS_LIMIT["radial"] * made.h**2
+        phi = solved(stages, lambda y, tau=tau: tau * plain @ y, np.eye(x.size))
+        growth.append(np.abs(np.linalg.eigvals(np.eye(x.size) - tau * phi @ corrected)).max())
+    assert growth[0] == pytest.approx(1.0, abs=1e-9) and growth[1] > 1.5
 
 
 def test_stages_conserve_both_momenta():
