@@ -11,7 +11,7 @@ from warpsph import Simulation
 from warpsph.errors import CaseError
 from warpsph.kernels.core.spec import Spec
 from warpsph.scene.geometry import build
-from warpsph.scene.physics import derive, support_radius
+from warpsph.scene.physics import VISCOUS_LIMIT, derive, support_radius
 from warpsph.schemes import viscous_steps
 from warpsph.schemes.viscous_steps import LEAST, MOST, reach, viscous_stages, weights, worth
 
@@ -128,14 +128,37 @@ def test_as_many_stages_as_are_fastest():
 @pytest.mark.parametrize(
     ("form", "dimension", "stages"), [("radial", 2, 3), ("radial", 2, 6), ("morris", 2, 4), ("radial", 3, 5)]
 )
-def test_stages_are_the_polynomial_of_the_friction_of_the_sweep(form, dimension, stages):
-    made, mass = bench(spec_of(dimension, stages, form), dimension)
+def test_stages_are_the_polynomial_of_the_friction_of_the_sweep(form, dimension, stages, device):
+    made, mass = bench(spec_of(dimension, stages, form), dimension, device=device)
     push = np.random.default_rng(1).normal(size=(len(mass), dimension))
     tau = 0.06 * reach(stages) * made.h**2 / (max(f.viscosity for f in FLUIDS) / min(f.density for f in FLUIDS))
     expected = solved(stages, lambda y: tau * friction(made, y), push)
     found = staged(made, push, tau)
     assert np.abs(expected - push).max() > 0.3
     assert found == pytest.approx(expected, abs=1e-9)
+
+
+@pytest.mark.parametrize("stages", [3, 16])
+def test_no_mode_grows_where_the_sweep_corrects_for_disorder(stages):
+    """The friction of the sweep is not that of the stages then; a step is stable at their full reach, not at thrice it."""
+    count = 8
+    x = np.mod(lattice((count, count), SPACING, 0.2, centre=False), SPACING * count)
+    operators = []
+    for changes in ({}, {"corrected": True, "shifting": True}):
+        alike = {"dimension": 2, "precision": "float64", "periodic": (True, True), "viscosity": "radial"}
+        spec = Spec(**alike, **changes)
+        options = {"spacing": SPACING, "skin": 0.02, "lower": 0.0, "upper": SPACING * count}
+        made = Bench(spec, x, fluids=(Fluid(density=1.0, viscosity=1.0),), **options)
+        units = np.eye(x.size).reshape(x.size, *x.shape)
+        operators.append(np.stack([friction(made, unit).ravel() for unit in units], axis=1))
+    plain, corrected = operators
+    assert np.abs(plain - corrected).max() > 0.05 * np.abs(plain).max()
+    growth = []
+    for times in (1.0, 3.0):
+        tau = times * reach(stages) * VISCOUS_LIMIT["radial"] * made.h**2
+        phi = solved(stages, lambda y, tau=tau: tau * plain @ y, np.eye(x.size))
+        growth.append(np.abs(np.linalg.eigvals(np.eye(x.size) - tau * phi @ corrected)).max())
+    assert growth[0] == pytest.approx(1.0, abs=1e-9) and growth[1] > 1.5
 
 
 def test_stages_conserve_both_momenta():
@@ -176,15 +199,10 @@ def test_a_wall_mirrors_what_the_particle_has(slip):
 # -- whole runs --------------------------------------------------------------------------------------------
 
 
-def couette(stages, **changes):
-    simulation = Simulation(case_of(COUETTE, numerics__viscous_stages=stages, **changes), device="cpu")
-    simulation.run()
-    return simulation.state, simulation.physics
-
-
-def test_layers_in_steady_shear_with_twenty_times_the_step():
+def test_layers_in_steady_shear_with_twenty_times_the_step(device):
     """The stress of both layers is exact to what explicit friction has, whatever the step."""
-    state, physics = couette(6)
+    simulation = Simulation(case_of(COUETTE, numerics__viscous_stages=6), device=device).run()
+    state, physics = simulation.state, simulation.physics
     stress = 0.02 / (0.5 / 1 + 0.5 / 0.05)
     y = state.position[:, 1]
     exact = np.where(y < 0.5, stress * y, 0.02 - stress * (1 - y) / 0.05)
