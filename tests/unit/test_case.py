@@ -454,7 +454,7 @@ IN_3D = {"dimension": 3, "domain": {"lower": [0, 0, 0], "upper": [1, 1, 1]}}
         ("reference.l2.exact", "x", "reference.l2.exact", "needs 2 formulas"),
         ("output.particles.fields", ["pressure"], "reference.l1.field", "needs velocity"),
         ("output.particles", "none", "reference.l1.particles", "output.particles is none"),
-        ("dimension", 4, "dimension", "one of 2, 3"),
+        ("dimension", 4, "dimension", "one of 1, 2, 3"),
         ("title", 5, "title", "needs text"),
         ("kernel", "cubic", "kernel", "not a known key"),
     ],
