@@ -5,8 +5,8 @@
     python scripts/shock_tubes.py order [--counts 225 450 900 1800 3600 7200]
 
 `table` runs `cases/shock_tube.yaml` (400 particles) and `cases/sod.yaml` (720) in float64: the default, artificial viscosity
-in its place, and the printed form with a constant smoothing length that reaches from particle to particle in the thin gas. It
-prints L1 errors, the means of abs(q - exact) over the volume; the largest and least pressure around the contact over p*,
+in its place, and the printed form with a constant smoothing length that reaches from particle to particle in the thin gas.
+It prints L1 errors, the means of abs(q - exact) over the volume; the largest and least pressure around the contact over p*,
 less 1; and the largest relative change of the total energy. `order` halves the spacing of Sod's tube.
 """
 
