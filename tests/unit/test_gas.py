@@ -108,12 +108,13 @@ def test_density_and_smoothing_length_fit(dimension, count, side, device):
 
 @pytest.mark.parametrize("dimension, count", [(1, 60), (2, 30), (3, 14)])
 def test_the_list_holds_every_pair_within_the_larger_support(dimension, count, device):
-    """Against all pairs, with smoothing lengths that differ by a factor of three and more."""
-    start = {"noise": 0.2, "density": "where(r < 0.2, 0.02, 1)", "pressure": 1.0, "velocity": [0.0] * dimension}
+    """Against all pairs, with smoothing lengths that differ by a factor of two and more."""
+    start = {"noise": 0.2, "density": "where(abs(x) < 0.3, 0.05, 1)", "pressure": 1.0, "arrangement": "equal_mass"}
     model = model_of(scene(dimension, count, "periodic", start=start), device)
     h, x = model.particles.get("smoothing"), model.particles.get("position")
     reach = KERNELS["cubic"].support
-    assert h.max() > (2.5 if dimension == 1 else 1.5) * h.min()
+    # beyond what the usual search of the list reaches; the few particles that all pairs in 3-D allow for are nearer
+    assert h.max() > (1.6 if dimension < 3 else 1.2) * model.physics.h
     wide = brute_force_pairs(x, [1.0] * dimension, reach * h.max())
     pairs = np.array(sorted(wide))
     gap = x[pairs[:, 0]] - x[pairs[:, 1]]
