@@ -4,10 +4,10 @@
     python scripts/shock_tubes.py table [--figure docs/validation/shock_tubes.png]
     python scripts/shock_tubes.py order [--counts 225 450 900 1800 3600 7200]
 
-`table` runs `cases/shock_tube.yaml` (400 particles) and `cases/sod.yaml` (720) in float64 and prints L1 errors, the means of
-abs(q - exact) over the volume, of the default, of artificial viscosity in its place, and of the printed form with a constant
-smoothing length that reaches from particle to particle in the thin gas; the largest and least pressure around the contact over p*, less 1; and the largest relative
-change of the total energy. `order` halves the spacing of Sod's tube.
+`table` runs `cases/shock_tube.yaml` (400 particles) and `cases/sod.yaml` (720) in float64: the default, artificial viscosity
+in its place, and the printed form with a constant smoothing length that reaches from particle to particle in the thin gas.
+It prints L1 errors, the means of abs(q - exact) over the volume; the largest and least pressure around the contact over p*,
+less 1; and the largest relative change of the total energy. `order` halves the spacing of Sod's tube.
 """
 
 from __future__ import annotations
@@ -28,7 +28,8 @@ import warpsph  # noqa: E402
 
 TUBES = {"shock_tube": (Gas(1, 0, 1), Gas(0.25, 0, 0.1795)), "sod": (Gas(1, 0, 1), Gas(0.125, 0, 0.1))}
 FORMS = {"default": {}, "artificial": {"numerics.dissipation": "artificial"}, "paper": {"numerics.formulation": "paper"}}
-REACH = {"shock_tube": 3.0, "sod": 4.0}  # constant smoothing length over the mean spacing: 1.2 and 0.9 spacings of the thin gas
+# Constant smoothing length of the printed form over the mean spacing: 1.2 and 0.9 spacings of the thin gas.
+REACH = {"shock_tube": 3.0, "sod": 4.0}
 KERNELS = ("gaussian", "cubic", "quintic")
 GAMMA = 1.4
 NAMES = ("density [kg/m^3]", "velocity [m/s]", "pressure [Pa]", "energy [J/kg]")

@@ -145,7 +145,12 @@ def test_several_schemes_are_run_where_a_case_takes_them():
     schemes: dict[str, set[str]] = {}
     for run in runs:
         schemes.setdefault(run.case_name, set()).add(run.case.numerics.scheme)
-    single = {run.case_name for run in runs if len(run.case.phases) == 1 and not run.case.has_flow_through}
+    single = {
+        run.case_name
+        for run in runs
+        # a compressible gas is one scheme's alone
+        if len(run.case.phases) == 1 and not run.case.has_flow_through and run.case.numerics.scheme != "gas"
+    }
     # Pressures below zero all over tear the patch with the Riemann scheme.
     assert {name for name in single if len(schemes[name]) == 1} == {"rotating_square_inviscid"}
 
