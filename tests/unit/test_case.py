@@ -888,7 +888,7 @@ def test_a_case_without_a_validation_section_has_one_quick_run():
         ({"fine": [{"name": "a", "changes": {"validation.quick": []}}]}, "validation.fine.0.changes", "does not begin"),
         ({"fine": [{"name": "a", "changes": {"phases..x": 1}}]}, "validation.fine.0.changes", "dotted paths"),
         ({"quik": []}, "validation.quik", "did you mean quick"),
-        ({"figure": {"field": "colour"}}, "validation.figure.field", "phase, speed, pressure, vorticity"),
+        ({"figure": {"field": "colour"}}, "validation.figure.field", "phase, speed, pressure, density, vorticity"),
         ({"figure": {"field": "phase", "times": [1, 0]}}, "validation.figure.times", "rising"),
         ({"figure": {"field": "phase", "phases": ["watr"]}}, "validation.figure.phases.0", "is not one of the phases"),
         ({"figure": {"field": "phase", "phases": []}}, "validation.figure.phases", "at least 1 entry"),
