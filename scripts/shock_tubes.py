@@ -3,11 +3,13 @@
 
     python scripts/shock_tubes.py table [--figure docs/validation/shock_tubes.png]
     python scripts/shock_tubes.py order [--counts 225 450 900 1800 3600 7200]
+    python scripts/shock_tubes.py random [--count 20] [--seed 1]
 
 `table` runs `cases/shock_tube.yaml` (400 particles) and `cases/sod.yaml` (720) in float64: the default, artificial viscosity
 in its place, and the printed form with a constant smoothing length that reaches from particle to particle in the thin gas.
 It prints L1 errors, the means of abs(q - exact) over the volume; the largest and least pressure around the contact over p*,
-less 1; and the largest relative change of the total energy. `order` halves the spacing of Sod's tube.
+less 1; and the largest relative change of the total energy. `order` halves the spacing of Sod's tube. `random` draws states:
+densities from 0.1 to 10, pressures from 0.02 to 55, speeds up to 0.7 of sound, gamma of 1.2, 1.4, 5/3 or 2.
 """
 
 from __future__ import annotations
@@ -144,6 +146,50 @@ def order(device: str, counts: list[int]) -> None:
     print(f"\norders {', '.join(f'{slope:.2f}' for slope in slopes)}; all: {all_of_them:.2f}")
 
 
+def drawn(generator: np.random.Generator) -> tuple[Gas, Gas, float]:
+    """Two states and a ratio of heats that nobody chose."""
+    density = np.exp(generator.uniform(-2.3, 2.3, 2))
+    pressure = np.exp(generator.uniform(-4, 4, 2))
+    gamma = float(generator.choice([1.2, 1.4, 5 / 3, 2.0]))
+    speed = generator.uniform(-0.7, 0.7, 2) * np.sqrt(gamma * pressure / density)
+    left, right = (Gas(*map(float, state)) for state in zip(density, speed, pressure, strict=True))
+    return left, right, gamma
+
+
+def random(device: str, count: int, seed: int) -> None:
+    """Print errors of random Riemann problems between open ends: 400 particles of equal mass, float32."""
+    given, errors_of = "left: density, velocity, pressure | right | gamma", "L1 density | velocity | pressure"
+    print(f"| {given} | {errors_of} | least density | least pressure |\n|{'---|' * 8}")
+    generator = np.random.default_rng(seed)
+    for _ in range(count):
+        left, right, gamma = drawn(generator)
+        states = zip(dataclasses.astuple(left), dataclasses.astuple(right), strict=True)
+        density, velocity, pressure = (f"where(x < 0, {a!r}, {b!r})" for a, b in states)
+        fastest = max(abs(gas.velocity) + gas.sound(gamma) for gas in (left, right))
+        run = warpsph.run(
+            {
+                "dimension": 1, "particle_spacing": 1 / 400, "end_time": 0.25 / fastest,
+                "domain": {"lower": [-0.5], "upper": [0.5], "boundary": {"x": "open"}},
+                "phases": {"gas": {"density": 0.5 * (left.density + right.density), "gamma": gamma}},
+                "fluids": [{"phase": "gas", "shape": "rest"}],
+                "start": {"arrangement": "equal_mass", "density": density, "velocity": [velocity], "pressure": pressure},
+                "numerics": {"scheme": "gas"},
+            },
+            device=device, threads=1,
+        )  # fmt: skip
+        state = run.state
+        x = state.position[:, 0]
+        inside = np.abs(x) < 0.35  # what no end has moved away from, nor was held
+        found = state.density, state.velocity[:, 0], state.pressure
+        errors = []
+        for value, exact in zip(found, Riemann(left, right, gamma).at(x, state.time), strict=True):
+            far = np.average(np.abs(value - exact)[inside], weights=state.volume[inside])
+            errors.append(f"{100 * far / max(float(np.ptp(exact)), 1e-12):.2f} %")
+        sides = " | ".join(f"{gas.density:.3g}, {gas.velocity:.3g}, {gas.pressure:.3g}" for gas in (left, right))
+        least = f"{state.density.min():.3g} | {state.pressure.min():.3g}"
+        print(f"| {sides} | {gamma:.2f} | {' | '.join(errors)} | {least} |", flush=True)
+
+
 def main() -> None:
     """Read the command line and run."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -152,13 +198,18 @@ def main() -> None:
     one.add_argument("--figure", type=Path, help="picture to write")
     two = kinds.add_parser("order")
     two.add_argument("--counts", type=int, nargs="+", default=[225, 450, 900, 1800, 3600, 7200])
-    for kind in (one, two):
+    three = kinds.add_parser("random")
+    three.add_argument("--count", type=int, default=20)
+    three.add_argument("--seed", type=int, default=1)
+    for kind in (one, two, three):
         kind.add_argument("--device", default="cpu")
     options = parser.parse_args()
     if options.kind == "table":
         table(options.device, options.figure)
-    else:
+    elif options.kind == "order":
         order(options.device, options.counts)
+    else:
+        random(options.device, options.count, options.seed)
 
 
 if __name__ == "__main__":
