@@ -166,8 +166,8 @@ def absent(spec: Spec) -> list[Absent]:
         rows.append(Absent("contact_normal", "no contact_angle in surface_tension: walls take no part in the interfaces"))
     if spec.viscosity == "none":
         rows.append(Absent("viscous term", "all viscosities are zero"))
-    elif spec.viscous_stages == 1:
-        rows.append(Absent("viscous_stage", "numerics.viscous_stages is 1: friction is explicit"))
+    if spec.viscous_stages == 1:
+        rows.append(Absent("viscous_stage", "friction, if there is any, is explicit: numerics.viscous_stages is 1"))
     if not spec.gravity:
         rows.append(Absent("gravity", "gravity is zero"))
     if not spec.body_force:
