@@ -11,6 +11,7 @@ from warpsph.kernels.core.params import make_params, make_phase
 from warpsph.kernels.core.smoothing import make_smoothing
 from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, types_of
 
+LEAST_OMEGA = 0.05  # of the factor Omega; it is near 1 wherever a gas has neighbours
 SWEEPS = 20  # of Newton; from the length of the last step it takes two or three
 TOLERANCE = {"float32": 1.0e-5, "float64": 1.0e-11}  # relative change of h after which it stops: rounding of the sum
 
@@ -117,7 +118,8 @@ def make_gas_density(spec: Spec) -> Any:
             if not solving:
                 smoothing[i] = h
                 density[i] = rho
-                stiffening[i] = real(1.0) / (omega * rho * rho)
+                # of a particle without company it would be 0
+                stiffening[i] = real(1.0) / (wp.max(omega, real(LEAST_OMEGA)) * rho * rho)
         heats = phases[0].gamma - real(1.0)
         kinetic = real(0.5) * wp.dot(velocity[i], velocity[i])
         pressure = state[i][0]

@@ -70,7 +70,7 @@ def make_gas_exchange(spec: Spec) -> tuple[Any, Any]:
         star_p, star_u = acoustic(rho_l, u_l, p_l, c_l, rho_r, u_r, p_r, c_r, gamma)
         if wp.static(spec.star == "exact"):
             strength = wp.abs(p_l - p_r) + wp.max(rho_l * c_l, rho_r * c_r) * wp.abs(u_l - u_r)
-            if strength > real(WEAK) * wp.min(p_l, p_r):
+            if strength >= real(WEAK) * wp.min(p_l, p_r):
                 star_p, star_u = exact(rho_l, u_l, p_l, c_l, rho_r, u_r, p_r, c_r, gamma)
         shock = (star_p - real(0.5) * (p_l + p_r)) * g
         heat = real(0.5) * (a.p + b.p) * g * (star_u - real(0.5) * (u_l + u_r))

@@ -80,7 +80,11 @@ def derive(case: Case, geometry: Geometry, row_list: bool) -> Physics:
         internal_energy=True,
         row_list=row_list,
     )
-    check_periods(case, geometry, support * (1.0 + float(choices["skin"])))
+    widest = support
+    if length != "constant":
+        largest = float(geometry.volume[: geometry.fluid_count].max()) ** (1.0 / case.dimension)
+        widest = max(support, float(choices["smoothing_ratio"]) * largest * KERNELS[numerics.kernel].support)
+    check_periods(case, geometry, widest * (1.0 + float(choices["skin"])))
     speed, sound = start_speeds(case, geometry)
     highest = float(absolute_pressure(case, geometry).max())
     return Physics(
