@@ -223,6 +223,24 @@ def make_edge(dimension: int, precision: str, periodic: tuple[bool, ...]) -> Any
 
 
 @functools.cache
+def make_image(precision: str) -> Any:
+    """Return the `wp.func` image(d, period): a distance along a periodic axis, to the nearest image."""
+    real = types(2, precision).real
+
+    @wp.func
+    def image(d: real, period: real):
+        half = real(0.5) * period
+        result = d
+        if d > half:
+            result = d - period
+        elif d < -half:
+            result = d + period
+        return result
+
+    return image
+
+
+@functools.cache
 def make_scan(spec: Spec) -> Any:
     """Return the `wp.func` scan: lists the neighbours of x_i among the particles begin to end, which follow each other.
 
@@ -235,15 +253,7 @@ def make_scan(spec: Spec) -> Any:
     any_periodic = any(spec.periodic)
     list_begin, list_step, _, Listed, store = make_entry(spec.row_list, spec.wide_list)
 
-    @wp.func
-    def image(d: real, period: real):
-        half = real(0.5) * period
-        result = d
-        if d > half:
-            result = d - period
-        elif d < -half:
-            result = d + period
-        return result
+    image = make_image(spec.precision)
 
     @wp.func
     def scan(

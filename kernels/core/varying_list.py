@@ -13,7 +13,7 @@ from typing import Any
 
 import warp as wp
 
-from .cells import make_cell_of, make_grid
+from .cells import make_cell_of, make_grid, make_image
 from .mirror import NO_WALL, code_shift, make_images, make_sides
 from .pair import WRAPPED, make_entry
 from .spec import Spec, types_of
@@ -130,15 +130,7 @@ def make_varying_scan(spec: Spec) -> Any:
     dim = spec.dimension
     list_begin, list_step, _, Listed, store = make_entry(spec.row_list, spec.wide_list)
 
-    @wp.func
-    def image(d: real, period: real):
-        half = real(0.5) * period
-        result = d
-        if d > half:
-            result = d - period
-        elif d < -half:
-            result = d + period
-        return result
+    image = make_image(spec.precision)
 
     @wp.func
     def offer(
