@@ -30,6 +30,8 @@ def make_params(dimension: int, precision: str) -> Any:
         pull: real  # B^2 of the central acceleration -B^2 (x - center) [1/s^2]
         dissipation: real  # factor theta on the pressure difference in the star velocity [-]
         damping: real  # of sound, its bulk viscosity over rho c h [-]
+        relaxation: real  # of the pressure: what fades of it, over what stays [-]
+        relaxation_time: real  # in which it fades [s]
         shifting: real  # shifting coefficient A [-]
         shift_cap: real  # longest shift of a step as share of h [-]
         room: real  # rate at which the density follows the room that the particles take, over |grad v| [-]

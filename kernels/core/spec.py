@@ -49,6 +49,7 @@ class Spec:
         interface_force: pair force that keeps phases apart.
         dissipation: the pressure difference enters the star velocity.
         acoustic_damping: compression and expansion have a viscosity of their own.
+        relaxation: the pressure follows a compression in two parts, one of which fades, so that sound dies (riemann).
         free_surface: an axis is open, so that wall pressure never pulls.
         scheme: name of the scheme in the registry.
         varying_force: gravity or body force depends on time, see `signals`.
@@ -107,6 +108,7 @@ class Spec:
     interface_force: bool = False
     dissipation: bool = True
     acoustic_damping: bool = False
+    relaxation: bool = False
     free_surface: bool = False
     scheme: str = "riemann"
     mirror: bool = False

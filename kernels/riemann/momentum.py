@@ -103,6 +103,7 @@ def make_momentum(spec: Spec) -> Any:
         wall_body: wp.array(dtype=int),
         side_walls: int,
         density_excess: wp.array(dtype=real),
+        settled: wp.array(dtype=real),
         wall_impact: wp.array(dtype=real),
         acceleration: wp.array(dtype=vec),
         shift: wp.array(dtype=vec),
@@ -479,6 +480,8 @@ def make_momentum(spec: Spec) -> Any:
             else:
                 carried[i] = shear * dx
             s = density_excess[i] + wp.dot(dx, gradient) * own.compressibility
+            if wp.static(spec.relaxation):
+                settled[i] += wp.dot(dx, gradient)
             if wp.static(spec.room):
                 # E: how far the place that the particles take falls short of what their densities say
                 change = params.room * strength * (room * params.window_norm - real(1.0))

@@ -28,6 +28,10 @@ def _staged(spec: Spec) -> bool:
     return spec.viscous_stages > 1
 
 
+def _relaxing(spec: Spec) -> bool:
+    return spec.relaxation
+
+
 def _sided(spec: Spec) -> bool:
     return spec.multiphase and not spec.paper_star
 
@@ -37,6 +41,7 @@ RIEMANN_FIELDS: tuple[Field, ...] = (
     *FLOW,
     Field("midway", "vec", "fluid", False, always, "m", "position in the middle of the step, for the continuity sweep"),
     Field("state_old", "pair", "fluid", False, always, "Pa, m^d", "state before the continuity sweep"),
+    Field("settled", "real", "fluid", True, _relaxing, "Pa", "pressure of the density, late by the time of relaxation"),
     Field("wall_impact", "real", "fluid", True, walls, "Pa", "what a wall adds to the pressure of an impact"),
     Field("pressure_gradient", "vec", "fluid", True, _bodies_corrected, "Pa/m", "of the own phase"),
     Field("rate_odd", "vec", "fluid", False, _staged, "m/s^2", "y of the odd stages of friction"),

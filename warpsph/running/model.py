@@ -243,20 +243,22 @@ class Model:
         """Return a `Phase` of each phase of the case."""
         case, physics = self.case, self.physics
         Phase = make_phase(physics.spec.precision)
+        # sound in a fluid whose pressure relaxes: what limits a step and what pairs exchange
+        frozen = math.sqrt(1.0 + float(physics.choices.get("acoustic_relaxation", 0.0)))
         rows = []
         for name, c in zip(case.phase_names, physics.sound_speed, strict=True):
             given = case.phases[name]
             row = Phase()
             row.density = given.density
-            row.sound_speed = c
+            row.sound_speed = c * frozen
             row.gamma = given.gamma
             row.stiffness = given.density * c**2 / given.gamma
             row.background = given.background_pressure
             row.viscosity = given.viscosity
-            row.impedance = given.density * c
+            row.impedance = given.density * row.sound_speed
             row.compressibility = 1.0 / (given.density * c**2)
             row.most_excess = physics.most_excess(given.gamma, given.density, c)
-            row.mobility = float(physics.choices.get("velocity_dissipation", 0.0)) / (given.density * c)
+            row.mobility = float(physics.choices.get("velocity_dissipation", 0.0)) / row.impedance
             rows.append(row)
         return rows
 

@@ -81,6 +81,17 @@ class RiemannNumerics(NumericsBase):
         "between inlets and outlets, else 0",
         examples=["0.25"],
     )
+    acoustic_relaxation: Annotated[float | Auto, NumberRule(least=0, most=4, auto=True)] = Field(
+        default="auto",
+        description="stiffness of a part of the pressure that fades, over that of the rest: damps sound of all lengths; a "
+        "step is shorter by the root of 1 + this. auto: 0",
+        examples=["1"],
+    )
+    relaxation_time: Annotated[float | Auto, NumberRule(above=0, auto=True)] = Field(
+        default="auto",
+        description="s, time in which that part fades. auto: length of the fluid over pi c, of the slowest phase",
+        examples=["0.01"],
+    )
     velocity_dissipation: Annotated[float | Auto, NumberRule(least=0, most=10, auto=True)] = Field(
         default="auto",
         description="factor on the pressure-difference term of the star velocity",

@@ -135,6 +135,7 @@ def derive(case: Case, geometry: Geometry, row_list: bool = True) -> Physics:
     ringing = case.has_flow_through and corrected
     reason = "sound of a start between inlets and outlets dies out" if ringing else "not needed"
     damping = choose("acoustic_damping", DAMPING if ringing else 0.0, reason)
+    relaxed = float(choose("acoustic_relaxation", 0.0, "not needed"))
     choose("courant", 0.5, "half of the measured limit of the leapfrog")
     choose("skin", case.scheme.skin, "measured optimum of sweeps and rebuilds")
     choices["kernel"] = numerics.kernel
@@ -145,6 +146,8 @@ def derive(case: Case, geometry: Geometry, row_list: bool = True) -> Physics:
     support = h * KERNELS[numerics.kernel].support
     scales, seen = flow_scales(case, geometry, tension, filled)
     wanted, warnings = sound_speeds(case, scales, seen, filled)
+    frozen = math.sqrt(1.0 + relaxed)  # speed of the fastest sound over that of slow pressures
+    choose("relaxation_time", longest_wave(case, geometry, wanted), "the longest wave dies out fastest")
     fitted = fitted_walls(case, geometry)
     if float(damping) > 0 and fitted and not corrected:
         rule = "beside bodies needs the corrected pressure gradient: their pressure differences drive the density else"
@@ -182,13 +185,14 @@ def derive(case: Case, geometry: Geometry, row_list: bool = True) -> Physics:
         interface_force=float(zeta) > 0 and len(phases) > 1,
         dissipation=float(dissipation) > 0,
         acoustic_damping=float(damping) > 0,
+        relaxation=relaxed > 0,
         free_surface=not filled,
         changing=case.has_flow_through,
         open_axis=open_axis(case),
         sponge=any(flow.sponge is not None for _, _, _, flow in open_sides(case)),
         row_list=row_list,
     )
-    sound = float(choices["courant"]) * h / (max(wanted) + scales["velocity"])
+    sound = float(choices["courant"]) * h / (frozen * max(wanted) + scales["velocity"])
     explicit = {**step_limits(case, spec, h, tension), "sound": sound}
     change = friction_change(spec, explicit, h, scales["length"])
     stages, reason = friction_stages(case, spec, {**explicit, **change})
@@ -211,7 +215,7 @@ def derive(case: Case, geometry: Geometry, row_list: bool = True) -> Physics:
         runaway=10.0 * max(max(wanted), scales["velocity"]),
         warnings=tuple(warnings),
         densities=tuple(phase.density for phase in phases),
-        acoustic=max(wanted),
+        acoustic=frozen * max(wanted),
     )
 
 
@@ -271,6 +275,23 @@ def sound_speeds(
                 f"than a few per cent; use at least {least:.4g} m/s or `auto`"
             )
     return result, warnings
+
+
+def longest_wave(case: Case, geometry: Geometry, sound: list[float]) -> float:
+    """Return the time [s] in which the slowest of the longest waves of phases turns by one radian.
+
+    theory: riemann#relaxation
+
+    sound: speed of sound of each phase [m/s].
+    """
+    fluid = geometry.kind == 0
+    position, phase = geometry.position[fluid], geometry.phase[fluid]
+    times = []
+    for k, c in enumerate(sound):
+        rows = position[phase == k]
+        if len(rows):
+            times.append(float((np.ptp(rows, axis=0) + case.spacing).max()) / (math.pi * c))
+    return max(times, default=math.inf)
 
 
 def step_limits(case: Case, spec: Spec, h: float, tension: np.ndarray) -> dict[str, float]:

@@ -19,6 +19,7 @@ from warpsph.kernels.riemann.interface import make_curvature, make_fraction, mak
 from warpsph.kernels.riemann.interface_flow import make_interface_flow
 from warpsph.kernels.riemann.load import make_load
 from warpsph.kernels.riemann.momentum import make_momentum
+from warpsph.kernels.riemann.relaxation import make_relaxation
 from warpsph.kernels.riemann.volume import make_volume
 from warpsph.schemes.map_stages import exponents, follow_shift, windows
 from warpsph.schemes.open_stages import buffer_gradient, closed_sides, crossing, fill, open_flow, sponge
@@ -56,6 +57,7 @@ def step(spec: Spec) -> list[Node]:
         *sides(spec),
         *walls_ahead(spec),
         Stage("continuity", make_continuity(spec), "fluid", "density and pressure from star velocities"),
+        *relaxation(spec),
         *bodies(spec, NEXT, closing=1),
         *open_flow(spec),
         *walls(spec, across=spec.wall_sound),
@@ -93,6 +95,7 @@ def start(spec: Spec) -> list[Node]:
         *bodies(spec, NEXT, speed=1, closing=1),
         *fill(spec),
         state(spec),
+        *relaxation(spec, beginning=1),
         BuildList("the first list"),
         *open_flow(spec, beginning=1),
         *sides(spec),
@@ -108,6 +111,13 @@ def start(spec: Spec) -> list[Node]:
 def state(spec: Spec) -> Stage:
     """Return the stage that evaluates pressure and volume from the density at the start."""
     return Stage("state", make_state(spec), "fluid", "pressure of the start")
+
+
+def relaxation(spec: Spec, beginning: int = 0) -> list[Stage]:
+    """Return the stage that damps sound by a part of the pressure that fades."""
+    if not spec.relaxation:
+        return []
+    return [Stage("relaxation", make_relaxation(spec), "fluid", "pressure that fades: sound dies", {"beginning": beginning})]
 
 
 def advance(spec: Spec) -> Stage:
@@ -176,6 +186,8 @@ def absent(spec: Spec) -> list[Absent]:
         rows.append(Absent("signals", "nothing depends on time"))
     if not spec.acoustic_damping:
         rows.append(Absent("acoustic damping", "numerics.acoustic_damping is 0"))
+    if not spec.relaxation:
+        rows.append(Absent("relaxation", "numerics.acoustic_relaxation is 0"))
     if not spec.shifting:
         rows.append(Absent("shift", "numerics.shifting is 0"))
     if not spec.corrected:

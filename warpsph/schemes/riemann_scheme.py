@@ -44,6 +44,10 @@ class RiemannScheme(FlowThrough):
         if damping != "auto" and damping > 0 and len(case.phases) > 1:
             rule = "is for one fluid: at an interface the two sides would be compressed by different pressures"
             yield Problem("numerics.acoustic_damping", damping, rule, "write auto or 0")
+        relaxed = case.numerics.acoustic_relaxation
+        if relaxed != "auto" and relaxed > 0 and case.has_flow_through:
+            rule = "knows no inlets and outlets, whose buffers have a pressure of their own"
+            yield Problem("numerics.acoustic_relaxation", relaxed, rule, "write auto or 0, or use numerics.acoustic_damping")
         stages = case.numerics.viscous_stages
         if stages == 2:
             yield Problem("numerics.viscous_stages", stages, "needs 1, or 3 and more", "write 3, 1 or auto")
@@ -97,6 +101,8 @@ class RiemannScheme(FlowThrough):
         params.dissipation = float(choices["velocity_dissipation"])
         params.shifting = float(choices["shifting"])
         params.damping = float(choices["acoustic_damping"])
+        params.relaxation = float(choices["acoustic_relaxation"])
+        params.relaxation_time = float(choices["relaxation_time"])
         params.shift_cap = SHIFT_CAP
         params.zeta = float(choices["interface_force"])
         return self.open_values(case, geometry, physics, device)
@@ -107,6 +113,6 @@ class RiemannScheme(FlowThrough):
 
         from warpsph.kernels.core import clock as ck
 
-        clock[ck.SOUND] = max(physics.sound_speed)
+        clock[ck.SOUND] = physics.acoustic
         clock[ck.RARE_LIMIT] = RARE_WAY * physics.h
         clock[ck.RARE_CAP] = physics.step_cap.get("surface tension", math.inf)
