@@ -246,6 +246,29 @@ def flow_scales(
     return scales, seen
 
 
+def turning_rate(case: Case, geometry: Geometry, tension: np.ndarray, scales: dict[str, float]) -> float:
+    """Return the rate [1/s] at which the flow of several fluids turns around (theory: riemann#a1).
+
+    The largest of: speed over length of the scene; the rates of the longest wave around a round drop of each phase in each
+    larger one, two wave lengths around it, by its tension and by its buoyancy.
+    """
+    fluid = geometry.kind == 0
+    phase, volumes, d = geometry.phase[fluid], geometry.volume[fluid], case.dimension
+    density = [case.phases[name].density for name in case.phase_names]
+    volume = [float(volumes[phase == k].sum()) for k in range(len(density))]
+    forcing = forcing_of(case)
+    g = float(np.linalg.norm(forcing.largest(forcing.gravity)))
+    rate = scales["velocity"] / scales["length"] if scales["length"] > 0 else 0.0
+    for a, inner in enumerate(density):
+        for b, outer in enumerate(density):
+            if a != b and 0 < volume[a] <= volume[b]:
+                radius = (volume[a] / {1: 2.0, 2: math.pi, 3: 4.0 * math.pi / 3.0}[d]) ** (1.0 / d)
+                inertia = {1: math.inf, 2: (inner + outer) / 6.0, 3: (3.0 * inner + 2.0 * outer) / 24.0}[d]
+                buoyancy = abs(inner - outer) / (inner + outer) * g * 2.0 / radius
+                rate = max(rate, math.sqrt(buoyancy), math.sqrt(tension[a, b] / (inertia * radius**3)))
+    return rate
+
+
 def body_reach(forcing: Forcing, geometry: Geometry) -> dict[str, float]:
     """Return the distance of the farthest particle of each moving body from its pivot [m], by name."""
     reach = {}

@@ -84,7 +84,8 @@ class RiemannNumerics(NumericsBase):
     acoustic_relaxation: Annotated[float | Auto, NumberRule(least=0, most=4, auto=True)] = Field(
         default="auto",
         description="stiffness of a part of the pressure that fades, over that of the rest: damps sound of all lengths; a "
-        "step is shorter by the root of 1 + this. auto: 0",
+        "step is shorter by the root of 1 + this. auto: 1 where tension makes more pressure than weight, from "
+        "a start without it, else 0",
         examples=["1"],
     )
     relaxation_time: Annotated[float | Auto, NumberRule(above=0, auto=True)] = Field(

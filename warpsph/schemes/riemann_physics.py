@@ -25,6 +25,7 @@ from warpsph.scene.physics import (
     has_room,
     smoothing_ratio,
     tension_matrix,
+    turning_rate,
 )
 from warpsph.schemes.flow_through import check_filled
 from warpsph.schemes.viscous_steps import reach, worth
@@ -42,11 +43,9 @@ COMPRESSION = 0.01
 LIGHT_COMPRESSION = 0.04
 # Share of the scene's pressure range that a phase must carry even where it sees little of it itself.
 SHARED_PRESSURE = 0.01
-# Stiffness rho c^2 that a dense phase gets against the lightest one, in a scene with gravity and without. The pressure noise
-# of the dense phase grows with its rho c: at 1000 times it tears the films of a rising bubble. Without gravity a scene
-# starts far from balance and moves slowly, and its sound has to die down meanwhile: in the square droplet the dense phase
-# rings by 2 Pa about a jump of 1.7 Pa for the whole run at 50 times.
-STIFFER = {True: 50.0, False: 1000.0}
+# Stiffness rho c^2 that a phase has over that of the lightest at least, as far as it costs no time step: under a
+# pressure that they share it gives way by a tenth as much. 5 and 20 make the same of all cases (docs/records/sound.md).
+STIFFER = 10.0
 # Shift of a step over h^2 |grad v| dt sum grad W V: how much faster particles are evened out than the flow disorders them.
 SHIFTING = 16.0
 # Rate, over |grad v|, at which the density follows the room that the particles take: 1 to 3 differ little.
@@ -57,6 +56,11 @@ UNLOCK = 0.05
 # Step of friction in stages over L^2/nu where `auto` chooses their number: half of it changes the start of a channel flow by
 # 0.05 % of its speed, six times as much by 1 % (docs/records/shear.md).
 CHANGE = 0.002
+# Stiffness of the part of the pressure that fades, over that of the rest: the sound of a start is gone, to 1 %, after the
+# time 18.4/(pi m) L/c; a step is shorter by sqrt(1 + m) (docs/records/sound.md).
+RELAXATION = 1.0
+# Radians that a flow turns by until the sound of a tension that sets in at once has died to 1 % (theory: riemann#a1).
+QUIET = 0.25
 # Bulk viscosity over rho c h: double of it damps little more, four times as much is beyond what walls with a fit bear
 # (docs/records/open_boundaries.md).
 DAMPING = 0.25
@@ -135,7 +139,6 @@ def derive(case: Case, geometry: Geometry, row_list: bool = True) -> Physics:
     ringing = case.has_flow_through and corrected
     reason = "sound of a start between inlets and outlets dies out" if ringing else "not needed"
     damping = choose("acoustic_damping", DAMPING if ringing else 0.0, reason)
-    relaxed = float(choose("acoustic_relaxation", 0.0, "not needed"))
     choose("courant", 0.5, "half of the measured limit of the leapfrog")
     choose("skin", case.scheme.skin, "measured optimum of sweeps and rebuilds")
     choices["kernel"] = numerics.kernel
@@ -145,9 +148,16 @@ def derive(case: Case, geometry: Geometry, row_list: bool = True) -> Physics:
     h = ratio * case.spacing
     support = h * KERNELS[numerics.kernel].support
     scales, seen = flow_scales(case, geometry, tension, filled)
-    wanted, warnings = sound_speeds(case, scales, seen, filled)
+    lengths = phase_lengths(case, geometry)
+    turning = turning_rate(case, geometry, tension, scales) if len(phases) > 1 else 0.0
+    onset = tension_onset(case, geometry, tension)
+    often = crossings(onset) * turning
+    wanted, warnings = sound_speeds(case, scales, seen, filled, tuple(often * size for size in lengths))
+    sudden = corrected and not paper and not case.has_flow_through and onset > 0.5
+    reason = "tension sets in at once, against the smaller weight: its sound dies" if sudden else "not needed"
+    relaxed = float(choose("acoustic_relaxation", RELAXATION if sudden else 0.0, reason))
     frozen = math.sqrt(1.0 + relaxed)  # speed of the fastest sound over that of slow pressures
-    choose("relaxation_time", longest_wave(case, geometry, wanted), "the longest wave dies out fastest")
+    choose("relaxation_time", longest_wave(lengths, wanted), "the longest wave dies out fastest")
     fitted = fitted_walls(case, geometry)
     if float(damping) > 0 and fitted and not corrected:
         rule = "beside bodies needs the corrected pressure gradient: their pressure differences drive the density else"
@@ -219,21 +229,16 @@ def derive(case: Case, geometry: Geometry, row_list: bool = True) -> Physics:
     )
 
 
-def heavy(case: Case) -> bool:
-    """Return whether gravity acts."""
-    return bool(np.any(forcing_of(case).hydrostatic() != 0))
-
-
 def needed_sound_speeds(case: Case, scales: dict[str, float], seen: np.ndarray, filled: bool) -> list[float]:
     """Return the least sound speed of each phase [m/s] (theory: riemann#a1).
 
     c_k^2 >= max(U^2, p_k/rho_k, 0.01 p_max/rho_k, mu_k U/(rho_k L)) / 0.01, p_k the pressure that phase k sees; p_k / 4
-    under gravity for a light phase whose volume its start pressure holds, or a closed domain that is full (`filled`).
+    for a light phase whose volume its start pressure holds, or a closed domain that is full (`filled`).
     """
     velocity, length = scales["velocity"], scales["length"]
     largest = float(seen.max(initial=0.0))
     densest = max(case.phases[name].density for name in case.phase_names)
-    held = heavy(case) and (filled or case.start.pressure is not None)
+    held = filled or case.start.pressure is not None
     result = []
     for name, pressure in zip(case.phase_names, seen, strict=True):
         phase = case.phases[name]
@@ -249,15 +254,20 @@ def needed_sound_speeds(case: Case, scales: dict[str, float], seen: np.ndarray, 
 
 
 def sound_speeds(
-    case: Case, scales: dict[str, float], seen: np.ndarray, filled: bool
+    case: Case, scales: dict[str, float], seen: np.ndarray, filled: bool, crossed: tuple[float, ...] = ()
 ) -> tuple[list[float], list[str]]:
-    """Return the sound speed of each phase [m/s], and a warning for each given one that is too low."""
+    """Return the sound speed of each phase [m/s], and a warning for each given one that is too low.
+
+    seen: pressure that each phase sees [Pa]; crossed: speed at which each of several phases is crossed often enough [m/s].
+    """
     needed = needed_sound_speeds(case, scales, seen, filled)
-    # A dense phase may be stiffer at no cost as long as its sound is no faster.
-    fastest, light = max(needed), min(case.phases[name].density for name in case.phase_names)
+    densities = [case.phases[name].density for name in case.phase_names]
+    # A phase may be stiffer at no cost as long as its sound is no faster than that of the others: it gives way less than the
+    # lightest, and sound crosses it often while the flow turns.
+    fastest, light = max(needed), min(densities)
     lifted = [
-        max(c, min(fastest, fastest * math.sqrt(STIFFER[heavy(case)] * light / case.phases[name].density)))
-        for name, c in zip(case.phase_names, needed, strict=True)
+        max(c, min(fastest, max(fastest * math.sqrt(STIFFER * light / rho), speed)))
+        for c, rho, speed in zip(needed, densities, crossed or (0.0,) * len(needed), strict=True)
     ]
     floor = max(needed) if max(needed) > 0 else 1.0
     result, warnings = [], []
@@ -277,21 +287,37 @@ def sound_speeds(
     return result, warnings
 
 
-def longest_wave(case: Case, geometry: Geometry, sound: list[float]) -> float:
-    """Return the time [s] in which the slowest of the longest waves of phases turns by one radian.
+def tension_onset(case: Case, geometry: Geometry, tension: np.ndarray) -> float:
+    """Return the share of the pressures that tension makes at once, 0 to 1; 0 where the start gives the pressure."""
+    if not (tension > 0).any() or case.start.pressure not in (None, "hydrostatic"):
+        return 0.0
+    _, whole = flow_scales(case, geometry, tension, filled=True)
+    _, without = flow_scales(case, geometry, np.zeros_like(tension), filled=True)
+    jump = float((whole - without).max())
+    return jump / (jump + float(without.max())) if jump > 0 else 0.0
 
-    theory: riemann#relaxation
 
-    sound: speed of sound of each phase [m/s].
-    """
+def crossings(onset: float) -> float:
+    """Return how often sound crosses a phase while the flow turns by a radian: 10, more by the share of an onset."""
+    enough = 1.0 / math.sqrt(COMPRESSION)
+    quiet = 4.0 * math.log(100.0) / (math.pi * RELAXATION * QUIET)
+    return enough + onset * (quiet - enough)
+
+
+def phase_lengths(case: Case, geometry: Geometry) -> list[float]:
+    """Return the longest side of each phase [m], 0 for one without particles."""
     fluid = geometry.kind == 0
     position, phase = geometry.position[fluid], geometry.phase[fluid]
-    times = []
-    for k, c in enumerate(sound):
-        rows = position[phase == k]
-        if len(rows):
-            times.append(float((np.ptp(rows, axis=0) + case.spacing).max()) / (math.pi * c))
-    return max(times, default=math.inf)
+    found = [position[phase == k] for k in range(len(case.phase_names))]
+    return [float((np.ptp(rows, axis=0) + case.spacing).max()) if len(rows) else 0.0 for rows in found]
+
+
+def longest_wave(lengths: list[float], sound: list[float]) -> float:
+    """Return the time [s] in which the slowest of the longest waves of phases turns by one radian.
+
+    lengths: longest side [m], sound: speed of sound [m/s] of each phase (theory: riemann#relaxation).
+    """
+    return max(length / (math.pi * c) for length, c in zip(lengths, sound, strict=True))
 
 
 def step_limits(case: Case, spec: Spec, h: float, tension: np.ndarray) -> dict[str, float]:
