@@ -489,7 +489,10 @@ def make_list(spec: Spec) -> Any:
         if wp.static(spec.changing):
             if i < fluid_count:
                 if alive[i] == wp.uint8(0):
+                    # what goes through the rows later must find nothing here: entries of one who died name others by now
                     fluid_neighbours[i] = wp.int16(0)
+                    if wp.static(spec.walls):
+                        wall_neighbours[i] = wp.int16(0)
                     return
         xi = anchor[i]
         c = cell_of(xi, grid)
