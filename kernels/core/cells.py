@@ -554,9 +554,12 @@ def make_finish(precision: str) -> Any:
         list_width: int,
         list_peak: wp.array(dtype=int),
         maxima: wp.array(dtype=real),
+        slack_maxima: wp.array(dtype=real),
         clock: wp.array(dtype=wp.float64),
         counters: wp.array(dtype=int),
     ):
+        for k in range(slack_maxima.shape[0]):
+            slack_maxima[k] = real(0.0)
         peak = int(0)
         for slot in range(list_peak.shape[0]):
             peak = wp.max(peak, list_peak[slot])

@@ -248,6 +248,7 @@ def make_judge(precision: str, shift_ahead: bool) -> tuple[Any, Any]:
     """
     real = types(2, precision).real
     ahead, shortest, unknown = (1.0, 1.0, 0.0) if shift_ahead else (HORIZON, SHORTEST, 2.0)
+    seed = SEED if shift_ahead else 0.0
 
     @wp.kernel(module="unique", enable_backward=False)
     def set_horizon(clock: wp.array(dtype=wp.float64), horizon: wp.array(dtype=real)):
@@ -264,8 +265,10 @@ def make_judge(precision: str, shift_ahead: bool) -> tuple[Any, Any]:
         for slot in range(slack_maxima.shape[0] / 2):
             n2 = wp.max(n2, slack_maxima[slot * 2])
             t2 = wp.max(t2, slack_maxima[slot * 2 + 1])
-            slack_maxima[slot * 2] = real(0.0)
-            slack_maxima[slot * 2 + 1] = real(0.0)
+        # Ways grow as long as a list lasts. The next maxima start a little below these, or all cells would write at once.
+        for slot in range(slack_maxima.shape[0] / 2):
+            slack_maxima[slot * 2] = real(seed) * n2
+            slack_maxima[slot * 2 + 1] = real(seed) * t2
         now = wp.sqrt(wp.float64(n2))
         then = wp.sqrt(wp.float64(t2))
         # the longest time for which the mix of both bounds and a constant largest acceleration stay within the skin
