@@ -11,6 +11,11 @@ def limited(spec: Spec) -> bool:
     return spec.limited
 
 
+def adaptive(spec: Spec) -> bool:
+    """Runs whose smoothing lengths follow the density."""
+    return not spec.constant_h
+
+
 def predicted(spec: Spec) -> bool:
     """Runs that kick, drift and kick."""
     return not spec.runge_kutta
@@ -37,6 +42,7 @@ GAS_FIELDS: tuple[Field, ...] = (
     Field("energy", "real", "fluid", True, always, "J/kg", "internal energy"),
     TOTAL_ENERGY,
     Field("power", "real", "fluid", True, always, "W/kg", "rate of the total energy"),
+    Field("swelling", "real", "fluid", False, adaptive, "1/s", "rate at which the smoothing length grows, over itself"),
     Field("stiffening", "real", "fluid", True, always, "m^6/kg^2", "1/(Omega rho^2), in 2-D m^4/kg^2"),
     Field("held", "uint8", "fluid", True, held, "-", "1 beside an open side: keeps the state of the start"),
     Field("density_gradient", "vec", "fluid", False, limited, "kg/m^(d+1)", "of the last gradient sweep"),

@@ -80,7 +80,8 @@ def make_gas_correct(spec: Spec) -> Any:
 def make_gas_watch(spec: Spec) -> Any:
     """Return the kernel that reports speeds and ways to the clock, and what is not finite or has no energy left.
 
-    A smoothing length that has grown by the share that the list allows for uses it up as half a skin of way does.
+    A smoothing length that a step like the last would make grow by more than the list allows for uses it up, as half a skin
+    of way does. One whose support is longer than what has one image at most, `longest_smoothing`, is a fault.
     """
     real, vec, _, _ = types_of(spec)
 
@@ -89,6 +90,8 @@ def make_gas_watch(spec: Spec) -> Any:
         first: int,
         slot: int,
         skin_length: real,
+        longest_smoothing: real,
+        clock: wp.array(dtype=wp.float64),
         velocity: wp.array(dtype=vec),
         acceleration: wp.array(dtype=vec),
         offset: wp.array(dtype=vec),
@@ -97,14 +100,18 @@ def make_gas_watch(spec: Spec) -> Any:
         density: wp.array(dtype=real),
         smoothing: wp.array(dtype=real),
         listed_smoothing: wp.array(dtype=real),
+        swelling: wp.array(dtype=real),
         maxima: wp.array(dtype=real),
         faults: wp.array(dtype=int),
     ):
         i = wp.tid() + first
         v2 = wp.dot(velocity[i], velocity[i])
         a2 = wp.dot(acceleration[i], acceleration[i])
-        growth = wp.max(smoothing[i] / listed_smoothing[i] - real(1.0), real(0.0)) * real(1.0 / GROWTH)
-        way = wp.max(wp.length(offset[i]), real(0.5) * skin_length * growth)
+        way = wp.length(offset[i])
+        if wp.static(not spec.constant_h):
+            coming = real(1.0) + real(clock[STEP]) * wp.max(swelling[i], real(0.0))
+            if smoothing[i] * coming >= real(wp.static(1.0 + GROWTH)) * listed_smoothing[i]:
+                way = wp.max(way, skin_length)
         if v2 > maxima[slot * MAXIMA]:
             wp.atomic_max(maxima, slot * MAXIMA, v2)
         if a2 > maxima[slot * MAXIMA + 1]:
@@ -113,7 +120,7 @@ def make_gas_watch(spec: Spec) -> Any:
             wp.atomic_max(maxima, slot * MAXIMA + 2, way * way)
         # NaN fails every comparison
         sound = v2 < real(1.0e30) and wp.dot(position[i], position[i]) < real(1.0e30) and a2 < real(1.0e36)
-        if not (sound and energy[i] > real(0.0) and density[i] > real(0.0)):
+        if not (sound and energy[i] > real(0.0) and density[i] > real(0.0) and smoothing[i] <= longest_smoothing):
             wp.atomic_min(faults, slot, i)
 
     return gas_watch
