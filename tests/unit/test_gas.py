@@ -12,6 +12,7 @@ from warpsph import Simulation
 from warpsph.case.case import Case
 from warpsph.engine.neighbours import brute_force_pairs
 from warpsph.errors import CaseError, DivergenceError
+from warpsph.kernels.core import clock as ck
 from warpsph.kernels.core.mirror import code_shift
 from warpsph.kernels.core.smoothing import KERNELS
 
@@ -356,3 +357,23 @@ def test_a_domain_is_wide_enough_for_one_image(side, least, device):
     assert stopped.value.quantity == "support" and run.model.steps > 3
     longest = run.model.particles.get("smoothing").max() * 2.0
     assert count / 20 / least < longest < 1.1 * count / 20 / least and longest > support
+
+
+def test_a_restart_keeps_the_seed_of_the_signal(device):
+    """Where the signal is below the seed of its maximum a restarted run takes the steps of the unbroken one, bit by bit."""
+    case = tube(40)
+    first = model_of(case, device)
+    first.stepper.run(0.2, 5)
+    rate = float(first.stepper.read()[0][ck.SIGNAL_RATE])
+    first.stepper.bindings["signal_rates"].fill_(2.0 * rate)
+    saved = first.save_state()
+    second = Simulation(case, device=device, threads=1).model
+    second.load_state(saved)
+    second.stepper.prepare(fresh=False)
+    for model in (first, second):
+        model.stepper.run(0.2, 5)
+    # it fell by the share that the seed lets it
+    assert first.stepper.read()[0][ck.SIGNAL_RATE] == pytest.approx(2.0 * rate * ck.SEED**4, rel=1e-6)
+    ours, theirs = first.save_state(), second.save_state()
+    for name in ("position", "velocity", "total_energy", "smoothing", "clock", "signal_rates"):
+        np.testing.assert_array_equal(theirs[name], ours[name], err_msg=name)
