@@ -132,10 +132,13 @@ def make_gas_density(spec: Spec) -> Any:
         pressure = state[i][0]
         if beginning == 1:
             energy[i] = pressure / (heats * rho)
-            total_energy[i] = energy[i] + kinetic
+            if wp.static(spec.runge_kutta):
+                total_energy[i] = energy[i] + kinetic
         else:
-            e = total_energy[i] - kinetic
-            energy[i] = e
+            e = energy[i]
+            if wp.static(spec.runge_kutta):
+                e = total_energy[i] - kinetic
+                energy[i] = e
             pressure = heats * rho * wp.max(e, real(0.0))
         state[i] = pair(pressure, mi / rho)
         density_excess[i] = rho / phases[0].density - real(1.0)
