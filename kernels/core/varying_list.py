@@ -5,7 +5,8 @@ far into all cells that it reaches; the search about a particle looks as far as 
 alike nothing is written and the search is the usual one of five cells an axis.
 
 A pair is listed where it is nearer than (1 + GROWTH) times the larger support plus the skin. It does not come within reach
-unseen before one of its particles has gone half of the skin, or its smoothing length has grown by the share GROWTH.
+unseen before one of its particles has gone half of the skin, or its smoothing length has grown by the share GROWTH. A
+smoothing length does not grow beyond that before the list is made anew.
 """
 
 import functools
@@ -20,6 +21,7 @@ from .spec import Spec, types_of
 
 USUAL = 2  # cells to either side that every search looks at
 GROWTH = 0.1  # share by which a smoothing length may grow before the list is used up
+STEP_GROWTH = 0.45 * GROWTH  # share by which it may grow in one step, as one may carry a particle by 0.45 of the skin
 CELL_MARGIN = 1.2  # list radius, over that of the spacing, up to which the usual search is enough
 
 
