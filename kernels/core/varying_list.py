@@ -21,7 +21,6 @@ from .spec import Spec, types_of
 
 USUAL = 2  # cells to either side that every search looks at
 GROWTH = 0.1  # share by which a smoothing length may grow before the list is used up
-STEP_GROWTH = 0.45 * GROWTH  # share by which it may grow in one step, as one may carry a particle by 0.45 of the skin
 CELL_MARGIN = 1.2  # list radius, over that of the spacing, up to which the usual search is enough
 
 

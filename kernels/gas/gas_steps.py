@@ -11,6 +11,8 @@ from warpsph.kernels.core.varying_list import GROWTH
 
 from .gas_forces import SLOTS
 
+STEP_GROWTH = 0.45 * GROWTH  # of a smoothing length in one step, as a step may carry a particle by 0.45 of the skin
+
 
 @functools.cache
 def make_gas_predict(spec: Spec) -> Any:

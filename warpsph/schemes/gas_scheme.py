@@ -142,8 +142,8 @@ class GasScheme(Scheme):
 
         from warpsph.kernels.core.smoothing import KERNELS
         from warpsph.kernels.core.spec import types_of
-        from warpsph.kernels.core.varying_list import STEP_GROWTH
         from warpsph.kernels.gas.gas_forces import SLOTS
+        from warpsph.kernels.gas.gas_steps import STEP_GROWTH
         from warpsph.schemes import gas_physics
 
         choices, d = physics.choices, physics.spec.dimension
