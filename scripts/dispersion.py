@@ -111,7 +111,10 @@ def main() -> None:
     print(f"kinetic energy {kinetic[1]:.2e} to {kinetic[-1]:.2e} J/m, growth {growth(time, kinetic):+.2f} 1/s")
     k = 2 * np.pi * options.spacings / 4.4
     density = (options.density, 1.0)
-    print(f"exact {exact_rate(k, density, tuple(r * options.viscosity for r in density), 1.0):.2f} 1/s")
+    try:
+        print(f"exact {exact_rate(k, density, tuple(r * options.viscosity for r in density), 1.0):.2f} 1/s")
+    except ValueError as problem:
+        print(f"exact: {problem}")
 
 
 if __name__ == "__main__":
