@@ -351,7 +351,7 @@ class Simulation:
     def _fail(self, row: int, writer: Writer | None) -> None:
         """Report the particle that ran away and keep the state for a look."""
         model = self.model
-        identity, position, quantity, value = runaway_particle(model, row)
+        identity, position, quantity, value, cause = runaway_particle(model, row)
         where = ""
         if self.folder is not None:
             try:
@@ -365,8 +365,7 @@ class Simulation:
                 where += f"; the last good one is in {last}"
         raise DivergenceError(
             f"the run diverged at t = {model.time:.6g} s (step {model.steps}): particle {identity} at "
-            f"{position} has {quantity} {value}{where}. Usual causes: a sound speed that is too low, "
-            "a start far from equilibrium, or too large a Courant number (numerics.courant)",
+            f"{position} has {quantity} {value}{where}. {cause}",
             particle=identity,
             time=model.time,
             quantity=quantity,

@@ -489,7 +489,10 @@ def make_list(spec: Spec) -> Any:
         if wp.static(spec.changing):
             if i < fluid_count:
                 if alive[i] == wp.uint8(0):
+                    # what goes through the rows later must find nothing here: entries of one who died name others by now
                     fluid_neighbours[i] = wp.int16(0)
+                    if wp.static(spec.walls):
+                        wall_neighbours[i] = wp.int16(0)
                     return
         xi = anchor[i]
         c = cell_of(xi, grid)
@@ -551,9 +554,12 @@ def make_finish(precision: str) -> Any:
         list_width: int,
         list_peak: wp.array(dtype=int),
         maxima: wp.array(dtype=real),
+        slack_maxima: wp.array(dtype=real),
         clock: wp.array(dtype=wp.float64),
         counters: wp.array(dtype=int),
     ):
+        for k in range(slack_maxima.shape[0]):
+            slack_maxima[k] = real(0.0)
         peak = int(0)
         for slot in range(list_peak.shape[0]):
             peak = wp.max(peak, list_peak[slot])

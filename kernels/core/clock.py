@@ -241,13 +241,18 @@ def make_advance(precision: str) -> Any:
 
 
 @functools.cache
-def make_judge(precision: str) -> tuple[Any, Any]:
-    """Return the one-thread kernels around a check of the list: (set the horizon, judge what was found)."""
+def make_judge(precision: str, shift_ahead: bool) -> tuple[Any, Any]:
+    """Return the one-thread kernels around a check of the list: (set the horizon, judge what was found).
+
+    shift_ahead: the check has the shift of the coming step, and looks no further, see `slack`.
+    """
     real = types(2, precision).real
+    ahead, shortest, unknown = (1.0, 1.0, 0.0) if shift_ahead else (HORIZON, SHORTEST, 2.0)
+    seed = SEED if shift_ahead else 0.0
 
     @wp.kernel(module="unique", enable_backward=False)
     def set_horizon(clock: wp.array(dtype=wp.float64), horizon: wp.array(dtype=real)):
-        horizon[0] = real(clock[STEP] * wp.float64(HORIZON))
+        horizon[0] = real(clock[STEP] * wp.float64(ahead))
 
     @wp.kernel(module="unique", enable_backward=False)
     def judge_list(
@@ -260,19 +265,21 @@ def make_judge(precision: str) -> tuple[Any, Any]:
         for slot in range(slack_maxima.shape[0] / 2):
             n2 = wp.max(n2, slack_maxima[slot * 2])
             t2 = wp.max(t2, slack_maxima[slot * 2 + 1])
-            slack_maxima[slot * 2] = real(0.0)
-            slack_maxima[slot * 2 + 1] = real(0.0)
+        # Ways grow as long as a list lasts. The next maxima start a little below these, or all cells would write at once.
+        for slot in range(slack_maxima.shape[0] / 2):
+            slack_maxima[slot * 2] = real(seed) * n2
+            slack_maxima[slot * 2 + 1] = real(seed) * t2
         now = wp.sqrt(wp.float64(n2))
         then = wp.sqrt(wp.float64(t2))
         # the longest time for which the mix of both bounds and a constant largest acceleration stay within the skin
         share = wp.float64(1.0)
-        horizon = clock[STEP] * wp.float64(HORIZON)
+        horizon = clock[STEP] * wp.float64(ahead)
         found = bool(False)
-        while not found and share * wp.float64(HORIZON) >= wp.float64(SHORTEST):
+        while not found and share * wp.float64(ahead) >= wp.float64(shortest):
             time = share * horizon
             allowed = wp.max(now, now + share * (then - now))
-            steps = share * wp.float64(HORIZON)
-            extra = clock[ACCELERATION] * time * (time + clock[STEP]) + wp.float64(2.0) * steps * clock[SHIFT]
+            steps = share * wp.float64(ahead)
+            extra = clock[ACCELERATION] * time * (time + clock[STEP]) + wp.float64(unknown) * steps * clock[SHIFT]
             if allowed + extra <= wp.float64(0.999) * clock[SKIN]:
                 found = True
                 clock[CHECKED] = allowed

@@ -7,6 +7,10 @@ and in the cells within three of it are compared, for the displacements now and 
 if every particle kept its velocity. In between both bounds mix linearly; what accelerations and shifts add later is
 summed up by the clock (`advance`). Cells further apart than three cannot matter before a particle has moved a quarter
 of the list radius, which always asks for a rebuild.
+
+Where the coming step shifts particles by what is known already (`spec.shift_ahead`), a look at many steps is of little
+use: the longest shift of all, counted twice in each, uses up the skin in a few, while neighbours are shifted alike. So
+the check looks one step ahead there, with the shift of each particle, and is made anew in each step.
 """
 
 import functools
@@ -36,6 +40,7 @@ def make_slack(spec: Spec) -> tuple[Any, Any, Any]:
         cell_start: wp.array(dtype=int),
         offset: wp.array(dtype=vec),
         velocity: wp.array(dtype=vec),
+        shift: wp.array(dtype=vec),
         anchor: wp.array(dtype=vec),
         position: wp.array(dtype=vec),
         low_now: wp.array(dtype=vec),
@@ -55,6 +60,8 @@ def make_slack(spec: Spec) -> tuple[Any, Any, Any]:
         while i < end:
             d = offset[i]
             e = d + velocity[i] * tau
+            if wp.static(spec.shift_ahead):
+                e += shift[i]
             ln = wp.min(ln, d)
             hn = wp.max(hn, d)
             lt = wp.min(lt, e)

@@ -69,6 +69,7 @@ class Spec:
         artificial_viscosity: fluid particles have friction beside that of their phase (delta_plus, gas).
         budget: a gauge asks where momentum and energy come from and go (delta_plus).
         shift_form: "" for that of the scheme; "positions" or "consistent": what a shift changes (delta_plus).
+        shift_ahead: the shift of the coming step is known before it, and the check of the list takes it in (delta_plus).
         runge_kutta: four stages of Runge and Kutta instead of the leapfrog (delta_plus), or of two (gas).
         varying_h: each particle has a smoothing length of its own (gas).
         constant_h: they are all the same none the less (gas).
@@ -121,6 +122,7 @@ class Spec:
     artificial_viscosity: bool = False
     budget: bool = False
     shift_form: str = ""
+    shift_ahead: bool = False
     runge_kutta: bool = False
     varying_force: bool = False
     varying_sides: bool = False

@@ -5,7 +5,8 @@ far into all cells that it reaches; the search about a particle looks as far as 
 alike nothing is written and the search is the usual one of five cells an axis.
 
 A pair is listed where it is nearer than (1 + GROWTH) times the larger support plus the skin. It does not come within reach
-unseen before one of its particles has gone half of the skin, or its smoothing length has grown by the share GROWTH.
+unseen before one of its particles has gone half of the skin, or its smoothing length has grown by the share GROWTH. A
+smoothing length does not grow beyond that before the list is made anew.
 """
 
 import functools

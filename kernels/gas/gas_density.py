@@ -10,6 +10,7 @@ from warpsph.kernels.core.pair import WRAPPED, list_access
 from warpsph.kernels.core.params import make_params, make_phase
 from warpsph.kernels.core.smoothing import make_smoothing
 from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, types_of
+from warpsph.kernels.core.varying_list import GROWTH
 
 LEAST_OMEGA = 0.05  # of the factor Omega; it is near 1 wherever a gas has neighbours
 SWEEPS = 20  # of Newton; from the length of the last step it takes two or three
@@ -20,7 +21,8 @@ TOLERANCE = {"float32": 1.0e-5, "float64": 1.0e-11}  # relative change of h afte
 def make_gas_density(spec: Spec) -> Any:
     """Return the kernel that solves rho = sum m W(h), h = eta (m/rho)^(1/d) for each particle, and evaluates its state.
 
-    With `beginning` the energy follows from the pressure that is in `state`, else the pressure from the energy.
+    With `beginning` the energy follows from the pressure that is in `state`, else the pressure from the energy, and no
+    smoothing length grows beyond what the list was made for: the step is one in which `gas_watch` asks for a new list.
     """
     real, vec, _, pair = types_of(spec)
     Params = make_params(spec.dimension, spec.precision)
@@ -60,6 +62,7 @@ def make_gas_density(spec: Spec) -> Any:
         velocity: wp.array(dtype=vec),
         mass: wp.array(dtype=real),
         smoothing: wp.array(dtype=real),
+        listed_smoothing: wp.array(dtype=real),
         density: wp.array(dtype=real),
         stiffening: wp.array(dtype=real),
         total_energy: wp.array(dtype=real),
@@ -83,6 +86,9 @@ def make_gas_density(spec: Spec) -> Any:
         step = list_step(particle_count)
         end = begin + int(fluid_neighbours[i]) * step
         sweep = int(0)
+        longest = real(1.0 + GROWTH) * listed_smoothing[i]
+        if beginning == 1:
+            longest = real(1.0e30)
         while solving:
             inverse = real(1.0) / h
             norm = w_norm / volume_of(h)
@@ -111,10 +117,11 @@ def make_gas_density(spec: Spec) -> Any:
                 factor = real(1.0)
                 omega = real(1.0)
             sweep += 1
-            if wp.abs(factor - real(1.0)) < real(tolerance) or sweep == wp.static(SWEEPS):
+            full = h >= longest and factor > real(1.0)
+            if wp.abs(factor - real(1.0)) < real(tolerance) or sweep == wp.static(SWEEPS) or full:
                 solving = False
             else:
-                h = h * wp.clamp(factor, real(0.8), real(1.25))
+                h = wp.min(h * wp.clamp(factor, real(0.8), real(1.25)), longest)
             if not solving:
                 smoothing[i] = h
                 density[i] = rho
@@ -125,10 +132,13 @@ def make_gas_density(spec: Spec) -> Any:
         pressure = state[i][0]
         if beginning == 1:
             energy[i] = pressure / (heats * rho)
-            total_energy[i] = energy[i] + kinetic
+            if wp.static(spec.runge_kutta):
+                total_energy[i] = energy[i] + kinetic
         else:
-            e = total_energy[i] - kinetic
-            energy[i] = e
+            e = energy[i]
+            if wp.static(spec.runge_kutta):
+                e = total_energy[i] - kinetic
+                energy[i] = e
             pressure = heats * rho * wp.max(e, real(0.0))
         state[i] = pair(pressure, mi / rho)
         density_excess[i] = rho / phases[0].density - real(1.0)

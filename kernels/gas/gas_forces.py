@@ -96,7 +96,12 @@ def make_viscous_exchange(spec: Spec) -> Any:
 
 @functools.cache
 def make_gas_forces(spec: Spec) -> Any:
-    """Return the kernel of acceleration, power and the largest signal rate (c + closing/2)/h [1/s]."""
+    """Return the kernel of acceleration, power, growth of smoothing lengths and the largest rate that limits the step [1/s].
+
+    The power is that of the pairs seen by a particle that moves along, so that no kinetic energy of a fast gas hides it;
+    Runge-Kutta adds the work on the motion. The rate is (c + closing/2)/h, or `swell_weight` times that of the growth of h
+    (theory: compressible#c1-time).
+    """
     real, vec, mat, pair = types_of(spec)
     Params = make_params(spec.dimension, spec.precision)
     Phase = make_phase(spec.precision)
@@ -138,6 +143,7 @@ def make_gas_forces(spec: Spec) -> Any:
         alpha: real,
         beta: real,
         conductivity: real,
+        swell_weight: real,
         params: Params,
         sides: Sides,
         phases: wp.array(dtype=Phase),
@@ -158,6 +164,7 @@ def make_gas_forces(spec: Spec) -> Any:
         velocity_gradient: wp.array(dtype=mat),
         acceleration: wp.array(dtype=vec),
         power: wp.array(dtype=real),
+        swelling: wp.array(dtype=real),
         signal_rates: wp.array(dtype=real),
     ):
         i = wp.tid() + first
@@ -165,6 +172,8 @@ def make_gas_forces(spec: Spec) -> Any:
             if held[i] != wp.uint8(0):
                 acceleration[i] = vec()
                 power[i] = real(0.0)
+                if wp.static(not spec.constant_h):
+                    swelling[i] = real(0.0)
                 return
         gamma = phases[0].gamma
         xi = position[i]
@@ -180,6 +189,7 @@ def make_gas_forces(spec: Spec) -> Any:
         a.c = wp.sqrt(gamma * a.p / a.rho)
         total = vec()
         work = real(0.0)
+        parting = real(0.0)
         fastest = a.c
         k = list_begin(i, list_width)
         step = list_step(particle_count)
@@ -203,14 +213,17 @@ def make_gas_forces(spec: Spec) -> Any:
             if wp.static(spec.mirror):
                 if code != 0:
                     vj = image_velocity(vj, code, sides)
-            a.u = wp.dot(vi, toward)
-            b.u = wp.dot(vj, toward)
+            # seen from i: what its own motion does to its kinetic energy is left out
+            a.u = real(0.0)
+            b.u = wp.dot(vj - vi, toward)
             b.rho = density[j]
             b.p = state[j][0]
             b.c = wp.sqrt(gamma * b.p / b.rho)
             a.g = slope_i * stiffening[i]
             b.g = slope_j * stiffening[j]
             closing = wp.max(a.u - b.u, real(0.0))
+            if wp.static(not spec.constant_h):
+                parting += mass[j] * slope_i * (b.u - a.u)
             fastest = wp.max(fastest, real(0.5) * (a.c + b.c + closing))
             force = real(0.0)
             rate = real(0.0)
@@ -244,10 +257,15 @@ def make_gas_forces(spec: Spec) -> Any:
         if wp.static(spec.gravity or spec.body_force):
             drive = params.gravity + params.body_force
             total += drive
-            work += wp.dot(drive, vi)
         acceleration[i] = total
+        if wp.static(spec.runge_kutta):
+            work += wp.dot(total, vi)
         power[i] = work
         rate_here = fastest / hi
+        if wp.static(not spec.constant_h):
+            growth = parting * stiffening[i] * a.rho * real(wp.static(1.0 / spec.dimension))
+            swelling[i] = growth
+            rate_here = wp.max(rate_here, swell_weight * growth)
         slot = i % wp.static(SLOTS)
         if rate_here > signal_rates[slot]:
             wp.atomic_max(signal_rates, slot, rate_here)

@@ -11,10 +11,12 @@ from warpsph.kernels.core.varying_list import GROWTH
 
 from .gas_forces import SLOTS
 
+STEP_GROWTH = 0.45 * GROWTH  # of a smoothing length in one step, as a step may carry a particle by 0.45 of the skin
+
 
 @functools.cache
 def make_gas_predict(spec: Spec) -> Any:
-    """Return the kernel that drifts with the velocity of the middle of the step and predicts v and E at its end."""
+    """Return the kernel that drifts with the velocity of the middle of the step and predicts v and e."""
     real, vec, _, _ = types_of(spec)
 
     @wp.kernel(module="unique", enable_backward=False)
@@ -27,17 +29,22 @@ def make_gas_predict(spec: Spec) -> Any:
         offset: wp.array(dtype=vec),
         position: wp.array(dtype=vec),
         velocity: wp.array(dtype=vec),
-        total_energy: wp.array(dtype=real),
+        energy: wp.array(dtype=real),
         velocity_half: wp.array(dtype=vec),
-        energy_half: wp.array(dtype=real),
+        energy_start: wp.array(dtype=real),
+        energy_rest: wp.array(dtype=real),
     ):
         i = wp.tid() + first
         half = real(wp.float64(0.5) * clock[STEP])
         middle = velocity[i] + half * acceleration[i]
         velocity_half[i] = middle
-        energy_half[i] = total_energy[i] + half * power[i]
-        velocity[i] = middle + half * acceleration[i]
-        total_energy[i] = energy_half[i] + half * power[i]
+        energy_start[i] = energy[i]
+        gain = half * power[i]
+        energy_rest[i] = energy_rest[i] + gain
+        kick = half * acceleration[i]
+        velocity[i] = middle + kick
+        # E grows by the step times power + v.a, and the kinetic energy by v.(2 kick) + |2 kick|^2/2
+        energy[i] = energy[i] + (real(2.0) * gain - real(2.0) * wp.dot(kick, kick))
         offset[i] = offset[i] + real(clock[STEP]) * middle
         position[i] = anchor[i] + offset[i]
 
@@ -46,7 +53,11 @@ def make_gas_predict(spec: Spec) -> Any:
 
 @functools.cache
 def make_gas_correct(spec: Spec) -> Any:
-    """Return the kernel that ends the step with the rates of its end, and with the internal energy that is left."""
+    """Return the kernel that ends the step with the rates of its end.
+
+    The sum of energy and kinetic energy grows by half a step of its rates at both ends (theory: compressible#c1-time). What
+    a sum of the energy rounds off goes into the next: gains of one sign that are below its last digit add up.
+    """
     real, vec, _, pair = types_of(spec)
 
     @wp.kernel(module="unique", enable_backward=False)
@@ -57,9 +68,9 @@ def make_gas_correct(spec: Spec) -> Any:
         acceleration: wp.array(dtype=vec),
         power: wp.array(dtype=real),
         velocity_half: wp.array(dtype=vec),
-        energy_half: wp.array(dtype=real),
+        energy_start: wp.array(dtype=real),
+        energy_rest: wp.array(dtype=real),
         velocity: wp.array(dtype=vec),
-        total_energy: wp.array(dtype=real),
         density: wp.array(dtype=real),
         energy: wp.array(dtype=real),
         state: wp.array(dtype=pair),
@@ -67,10 +78,13 @@ def make_gas_correct(spec: Spec) -> Any:
         i = wp.tid() + first
         half = real(wp.float64(0.5) * clock[STEP])
         v = velocity_half[i] + half * acceleration[i]
+        missed = v - velocity[i]  # by the prediction
         velocity[i] = v
-        total_energy[i] = energy_half[i] + half * power[i]
-        e = total_energy[i] - real(0.5) * wp.dot(v, v)
+        gain = energy_rest[i] + half * power[i] - real(0.5) * wp.dot(missed, missed)
+        e = energy_start[i] + gain
+        energy_rest[i] = gain - (e - energy_start[i])
         energy[i] = e
+        power[i] = power[i] - wp.dot(acceleration[i], missed)  # seen by a particle with the velocity of the end
         state[i] = pair(heats * density[i] * wp.max(e, real(0.0)), state[i][1])
 
     return gas_correct
@@ -80,7 +94,8 @@ def make_gas_correct(spec: Spec) -> Any:
 def make_gas_watch(spec: Spec) -> Any:
     """Return the kernel that reports speeds and ways to the clock, and what is not finite or has no energy left.
 
-    A smoothing length that has grown by the share that the list allows for uses it up as half a skin of way does.
+    A smoothing length that a step like the last would make grow by more than the list allows for uses it up, as half a skin
+    of way does. One whose support is longer than what has one image at most, `longest_smoothing`, is a fault.
     """
     real, vec, _, _ = types_of(spec)
 
@@ -89,6 +104,8 @@ def make_gas_watch(spec: Spec) -> Any:
         first: int,
         slot: int,
         skin_length: real,
+        longest_smoothing: real,
+        clock: wp.array(dtype=wp.float64),
         velocity: wp.array(dtype=vec),
         acceleration: wp.array(dtype=vec),
         offset: wp.array(dtype=vec),
@@ -97,14 +114,18 @@ def make_gas_watch(spec: Spec) -> Any:
         density: wp.array(dtype=real),
         smoothing: wp.array(dtype=real),
         listed_smoothing: wp.array(dtype=real),
+        swelling: wp.array(dtype=real),
         maxima: wp.array(dtype=real),
         faults: wp.array(dtype=int),
     ):
         i = wp.tid() + first
         v2 = wp.dot(velocity[i], velocity[i])
         a2 = wp.dot(acceleration[i], acceleration[i])
-        growth = wp.max(smoothing[i] / listed_smoothing[i] - real(1.0), real(0.0)) * real(1.0 / GROWTH)
-        way = wp.max(wp.length(offset[i]), real(0.5) * skin_length * growth)
+        way = wp.length(offset[i])
+        if wp.static(not spec.constant_h):
+            coming = real(1.0) + real(clock[STEP]) * wp.max(swelling[i], real(0.0))
+            if smoothing[i] * coming >= real(wp.static(1.0 + GROWTH)) * listed_smoothing[i]:
+                way = wp.max(way, skin_length)
         if v2 > maxima[slot * MAXIMA]:
             wp.atomic_max(maxima, slot * MAXIMA, v2)
         if a2 > maxima[slot * MAXIMA + 1]:
@@ -113,7 +134,7 @@ def make_gas_watch(spec: Spec) -> Any:
             wp.atomic_max(maxima, slot * MAXIMA + 2, way * way)
         # NaN fails every comparison
         sound = v2 < real(1.0e30) and wp.dot(position[i], position[i]) < real(1.0e30) and a2 < real(1.0e36)
-        if not (sound and energy[i] > real(0.0) and density[i] > real(0.0)):
+        if not (sound and energy[i] > real(0.0) and density[i] > real(0.0) and smoothing[i] <= longest_smoothing):
             wp.atomic_min(faults, slot, i)
 
     return gas_watch

@@ -317,6 +317,21 @@ def test_what_leaks_is_counted_after_the_arrays_have_grown(device, monkeypatch):
     assert model.leaks()[1]["water"] == before + 1
 
 
+def test_the_rows_of_those_who_died_are_empty(device):
+    """Their entries named wall particles by rows that others have after the arrays have grown: sweeps read out of bounds."""
+    model = prepared(scene(CHANNEL), device)
+    run(model, 0.05)
+    alive, live = model.particles.get("alive"), int(model.stepper.read()[1][ck.LIVE])
+    assert model.particles.get("wall_neighbours")[:live][-40:].max() > 0
+    alive[live - 40 : live] = 0
+    model.particles.put("alive", alive)
+    model.stepper.rebuild()
+    after = int(model.stepper.read()[1][ck.LIVE])
+    assert after < live
+    for name in ("fluid_neighbours", "wall_neighbours"):
+        assert not model.particles.arrays[name].numpy()[after : model.particles.fluid_capacity].any()
+
+
 def test_gauges_leave_out_the_buffers(device, monkeypatch):
     """Sums of the device are those of the snapshot, which has the domain alone, also after the arrays have grown."""
     model = narrow(scene(CHANNEL), device, monkeypatch)

@@ -339,8 +339,9 @@ class NeighbourList:
         """Return the tasks that find out whether the list outlasts the next steps, see `kernels/core/slack.py`."""
         spec, launcher, bindings = self.spec, self.launcher, self.bindings
         bindings.update({name: self.particles.arrays[name] for name in ("offset", "velocity", "anchor", "position")})
+        shift = self.particles.arrays["shift" if spec.shift_ahead else "offset"]  # the latter stands for none
         extremes, window, relative = slack.make_slack(spec)
-        set_horizon, judge = make_judge(spec.precision)
+        set_horizon, judge = make_judge(spec.precision, spec.shift_ahead)
         names = ("low_now", "high_now", "low_then", "high_then")
         cells_, spare, other = self._extremes
 
@@ -349,9 +350,10 @@ class NeighbourList:
             found.update(zip((f"{name}_out" for name in names), target, strict=True))
             return found
 
+        first = {"shift": shift, **arguments(cells_, spare)}
         tasks = [
             launcher.task("check", set_horizon, 1, bindings, single=True),
-            launcher.task("check", extremes, self.cell_count, bindings, special=arguments(cells_, spare)),
+            launcher.task("check", extremes, self.cell_count, bindings, special=first),
         ]
         source = cells_
         for axis in range(spec.dimension):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 if TYPE_CHECKING:
     import numpy as np
@@ -18,7 +18,15 @@ if TYPE_CHECKING:
     from warpsph.scene.geometry import Geometry
     from warpsph.scene.physics import Physics
 
-__all__ = ["Scheme"]
+__all__ = ["Fault", "Scheme"]
+
+
+class Fault(NamedTuple):
+    """What is wrong with a particle: the quantity at fault, its value with unit and limit, cause and remedy."""
+
+    quantity: str
+    value: str
+    cause: str
 
 
 class Scheme:
@@ -129,6 +137,10 @@ class Scheme:
     def flow_rates(self, case: Any, geometry: Geometry, physics: Physics, bindings: Mapping[str, Any]) -> dict[str, float]:
         """Return what goes through inlets and outlets, for gauges; see `warpsph.measure.flow_gauges`."""
         return {}
+
+    def fault(self, case: Any, geometry: Geometry, physics: Physics, population: Population, row: int) -> Fault | None:
+        """Return what is wrong with the particle in a row that stopped the run, if the scheme knows more than its speed."""
+        return None
 
     def memory_beside(self, spec: Spec, fluid: int, entries: int) -> int:
         """Return the bytes on the device beside fields and list, of so many particles with so many list entries each."""

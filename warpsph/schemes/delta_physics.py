@@ -123,6 +123,7 @@ def derive(case: Case, geometry: Geometry, row_list: bool) -> Physics:
         budget=any(gauge.type == "budget" for gauge in case.gauges.values()),
         runge_kutta=rk4,
         shift_form=str(shift_form) if float(shifting) > 0 else "",
+        shift_ahead=float(shifting) > 0,
         changing=case.has_flow_through,
         open_axis=open_axis(case),
         sponge=any(flow.sponge is not None for _, _, _, flow in open_sides(case)),

@@ -85,6 +85,7 @@ def derive(case: Case, geometry: Geometry, row_list: bool) -> Physics:
         largest = float(geometry.volume[: geometry.fluid_count].max()) ** (1.0 / case.dimension)
         widest = max(support, float(choices["smoothing_ratio"]) * largest * KERNELS[numerics.kernel].support)
     check_periods(case, geometry, widest * (1.0 + float(choices["skin"])))
+    check_channels(case, geometry, widest)
     speed, sound = start_speeds(case, geometry)
     highest = float(absolute_pressure(case, geometry).max())
     return Physics(
@@ -101,6 +102,42 @@ def derive(case: Case, geometry: Geometry, row_list: bool) -> Physics:
         acoustic=sound,
         runaway=math.inf,
     )
+
+
+def check_channels(case: Case, geometry: Geometry, support: float) -> None:
+    """Refuse mirrors so near to each other that a particle could see the image of an image.
+
+    Raises:
+        CaseError: names the axis and the least width.
+    """
+    problems = []
+    for axis, width in mirrored_axes(case, geometry):
+        if width < support:
+            rule = f"{width:.4g} m: two walls are mirrors, which have to be {support:.4g} m apart, the radius of the kernel"
+            remedy = "enlarge the domain, or lower particle_spacing or numerics.smoothing_ratio"
+            problems.append(Problem(f"domain.boundary.{'xyz'[axis]}", case.sides[axis].lower.kind, rule, remedy))
+    if problems:
+        raise CaseError(problems)
+
+
+def mirrored_axes(case: Case, geometry: Geometry) -> list[tuple[int, float]]:
+    """Return (axis, width [m]) of all axes whose both sides are walls."""
+    lattice = geometry.lattice
+    widths = [float(high - low) for low, high in zip(lattice.lower, lattice.upper, strict=True)]
+    both = [axis.lower.kind == axis.upper.kind == "wall" for axis in case.sides]
+    return [(axis, width) for axis, width in enumerate(widths) if both[axis]]
+
+
+def longest_smoothing(case: Case, geometry: Geometry, spec: Spec) -> float:
+    """Return the smoothing length [m] beyond which a particle would need second images; 1e30 if it never does.
+
+    A list holds the nearest image over a period, all within half of it, and single reflections, all within the width
+    between two mirrors.
+    """
+    lattice = geometry.lattice
+    rooms = [width for _, width in mirrored_axes(case, geometry)]
+    rooms += [0.5 * (u - low) for low, u, wraps in zip(lattice.lower, lattice.upper, case.periodic, strict=True) if wraps]
+    return float(min(rooms, default=1.0e30)) / KERNELS[spec.kernel].support
 
 
 def absolute_pressure(case: Case, geometry: Geometry) -> np.ndarray:

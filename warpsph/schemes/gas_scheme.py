@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from warpsph.case.signals import varies
 from warpsph.errors import Problem
-from warpsph.schemes.base import Scheme
+from warpsph.schemes.base import Fault, Scheme
 from warpsph.schemes.gas_numerics import GasNumerics
 
 if TYPE_CHECKING:
@@ -36,6 +36,7 @@ class GasScheme(Scheme):
     internal_energy = True
     skin = 0.3
     shown = ("energy", "smoothing")
+    kept = ("signal_rates",)
 
     def check(self, case: Any) -> Iterator[Problem]:
         """Yield what the scheme cannot do: several phases, tension, viscosity, bodies, moving walls, flow through sides."""
@@ -142,6 +143,7 @@ class GasScheme(Scheme):
         from warpsph.kernels.core.smoothing import KERNELS
         from warpsph.kernels.core.spec import types_of
         from warpsph.kernels.gas.gas_forces import SLOTS
+        from warpsph.kernels.gas.gas_steps import STEP_GROWTH
         from warpsph.schemes import gas_physics
 
         choices, d = physics.choices, physics.spec.dimension
@@ -156,9 +158,27 @@ class GasScheme(Scheme):
             "alpha": real(choices["artificial_viscosity"]),
             "beta": real(choices["quadratic_viscosity"]),
             "conductivity": real(choices["conductivity"]),
+            "swell_weight": real(float(choices["courant"]) / STEP_GROWTH),
+            "longest_smoothing": real(gas_physics.longest_smoothing(case, geometry, physics.spec)),
             "heats": real(case.phases[case.phase_names[0]].gamma - 1.0),
             "signal_rates": wp.zeros(SLOTS, dtype=real, device=device),
         }
+
+    def fault(self, case: Any, geometry: Geometry, physics: Physics, population: Population, row: int) -> Fault | None:
+        """Return what stopped the run: a support that outgrew its channel, or a particle without energy."""
+        from warpsph.schemes import gas_physics
+
+        smoothing, energy = (float(population.get(name)[row]) for name in ("smoothing", "energy"))
+        longest = gas_physics.longest_smoothing(case, geometry, physics.spec)
+        if smoothing > longest:
+            reach = physics.support / physics.h
+            value = f"{reach * smoothing:.4g} m, longest {reach * longest:.4g} m: beyond it particles have a second image"
+            cause = "The gas is too thin there for a domain so narrow; enlarge it, or lower particle_spacing"
+            return Fault("support", value, cause)
+        if energy <= 0.0:
+            cause = "Usual causes: too large a Courant number (numerics.courant), or the acoustic solver at a strong shock"
+            return Fault("energy", f"{energy:.4g} J/kg", cause)
+        return None
 
     def set_clock(self, clock: np.ndarray, counters: np.ndarray, physics: Physics) -> None:
         """Let the signals of the particles limit the step, and every used-up list be made anew without a check."""

@@ -1,0 +1,45 @@
+"""The exact dispersion relation of scripts/dispersion.py against its limits, and its fit of a growth rate."""
+
+import importlib.util
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+PATH = Path(__file__).parents[2] / "scripts" / "dispersion.py"
+loaded = importlib.util.spec_from_file_location("dispersion", PATH)
+dispersion = importlib.util.module_from_spec(loaded)
+loaded.loader.exec_module(dispersion)
+K = 2 * np.pi
+
+
+@pytest.mark.parametrize("ratio", [1.0, 10.0, 1000.0])
+def test_without_friction_the_frequency_is_that_of_potential_flow(ratio):
+    s = dispersion.exact_rate(K, (ratio, 1.0), (1e-9 * ratio, 1e-9), 1.0)
+    assert s.imag == pytest.approx(np.sqrt(K**3 / (ratio + 1)), rel=1e-3)
+    assert -1e-3 * s.imag < s.real < 0
+
+
+def test_one_fluid_alone_is_damped_at_twice_nu_k_squared():
+    """Lamb 1932, to first order in nu k^2/omega: the light fluid weighs and rubs next to nothing."""
+    nu = 1e-5
+    s = dispersion.exact_rate(K, (1.0, 1e-9), (nu, 1e-14), 1.0)
+    assert s.real == pytest.approx(-2 * nu * K**2, rel=0.02)
+
+
+def test_equal_fluids_are_damped_by_their_layers():
+    """The conditions solved by hand for equal fluids: s^2 q/(q - k) = -w0^2."""
+    nu = 0.01
+    s = dispersion.exact_rate(K, (1.0, 1.0), (nu, nu), 1.0)
+    q = np.sqrt(K * K + s / nu)
+    assert s * s * q / (q - K) == pytest.approx(-(K**3) / 2, rel=1e-8)
+
+
+def test_what_does_not_swing_is_refused():
+    with pytest.raises(ValueError, match="does not swing"):
+        dispersion.exact_rate(K, (1.0, 1.0), (50.0, 50.0), 1.0)
+
+
+def test_the_growth_rate_of_a_speed():
+    time = np.linspace(0, 1, 101)
+    assert dispersion.growth(time, 1e-14 + 1e-13 * np.exp(24 * time)) == pytest.approx(12, rel=0.02)
