@@ -257,7 +257,7 @@ def test_a_density_that_ran_away_is_named(excess):
     values = np.zeros(model.particles.fluid_count)
     values[3] = excess
     model.particles.put("density_excess", values)
-    identity, _, quantity, value = runaway_particle(model, 3)
+    identity, _, quantity, value, _ = runaway_particle(model, 3)
     assert identity == 3 and quantity == "density" and f"rho/rho0 - 1 = {excess:.3g}" in value
 
 
