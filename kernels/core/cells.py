@@ -28,7 +28,7 @@ from .clock import (
     USELESS,
 )
 from .mirror import NO_WALL, code_shift, make_images, make_sides
-from .pair import BAND, NEAR, WRAPPED, list_access, make_entry
+from .pair import BAND, NEAR, WRAPPED, list_access, make_entry, make_nearest
 from .spec import Spec, types, types_of
 
 
@@ -223,24 +223,6 @@ def make_edge(dimension: int, precision: str, periodic: tuple[bool, ...]) -> Any
 
 
 @functools.cache
-def make_image(precision: str) -> Any:
-    """Return the `wp.func` image(d, period): a distance along a periodic axis, to the nearest image."""
-    real = types(2, precision).real
-
-    @wp.func
-    def image(d: real, period: real):
-        half = real(0.5) * period
-        result = d
-        if d > half:
-            result = d - period
-        elif d < -half:
-            result = d + period
-        return result
-
-    return image
-
-
-@functools.cache
 def make_scan(spec: Spec) -> Any:
     """Return the `wp.func` scan: lists the neighbours of x_i among the particles begin to end, which follow each other.
 
@@ -253,7 +235,7 @@ def make_scan(spec: Spec) -> Any:
     any_periodic = any(spec.periodic)
     list_begin, list_step, _, Listed, store = make_entry(spec.row_list, spec.wide_list)
 
-    image = make_image(spec.precision)
+    nearest = make_nearest(spec.precision)
 
     @wp.func
     def scan(
@@ -285,11 +267,11 @@ def make_scan(spec: Spec) -> Any:
                     raw = d + vec()
                     far = bool(False)
                     if wp.static(px):
-                        d[0] = image(d[0], grid.box[0])
+                        d[0] = nearest(d[0], grid.box[0], real(0.5) * grid.box[0])
                     if wp.static(py):
-                        d[1] = image(d[1], grid.box[1])
+                        d[1] = nearest(d[1], grid.box[1], real(0.5) * grid.box[1])
                     if wp.static(pz):
-                        d[2] = image(d[2], grid.box[2])
+                        d[2] = nearest(d[2], grid.box[2], real(0.5) * grid.box[2])
                     if wp.static(px):
                         far = far or d[0] != raw[0]
                     if wp.static(py):

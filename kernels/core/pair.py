@@ -6,12 +6,29 @@ from typing import Any, NamedTuple
 import warp as wp
 
 from .params import make_params
-from .spec import Spec, types_of
+from .spec import Spec, types, types_of
 
 # bits of the field `flags`
 WRAPPED = 1  # the list of this particle reaches across a periodic boundary
 NEAR = 2  # a particle of another phase is in the list (first ring of the interface)
 BAND = 4  # the list holds a first-ring particle (second ring, or the first itself)
+
+
+@functools.cache
+def make_nearest(precision: str) -> Any:
+    """Return the `wp.func` nearest(d, period, half): a distance along a periodic axis, to the nearest image."""
+    real = types(2, precision).real
+
+    @wp.func
+    def nearest(d: real, period: real, half: real):
+        result = d
+        if d > half:
+            result = d - period
+        elif d < -half:
+            result = d + period
+        return result
+
+    return nearest
 
 
 @functools.cache
@@ -24,14 +41,7 @@ def make_separation(dimension: int, precision: str, periodic: tuple[bool, ...]) 
     has_x, has_y, has_z = (axis in axes for axis in range(3))
     any_axis = bool(axes)
 
-    @wp.func
-    def nearest(d: real, period: real, half: real):
-        result = d
-        if d > half:
-            result = d - period
-        elif d < -half:
-            result = d + period
-        return result
+    nearest = make_nearest(precision)
 
     @wp.func
     def separation(xi: vec, xj: vec, wrapped: bool, params: Params):

@@ -14,9 +14,9 @@ from typing import Any
 
 import warp as wp
 
-from .cells import make_cell_of, make_grid, make_image
+from .cells import make_cell_of, make_grid
 from .mirror import NO_WALL, code_shift, make_images, make_sides
-from .pair import WRAPPED, make_entry
+from .pair import WRAPPED, make_entry, make_nearest
 from .spec import Spec, types_of
 
 USUAL = 2  # cells to either side that every search looks at
@@ -131,7 +131,7 @@ def make_varying_scan(spec: Spec) -> Any:
     dim = spec.dimension
     list_begin, list_step, _, Listed, store = make_entry(spec.row_list, spec.wide_list)
 
-    image = make_image(spec.precision)
+    nearest = make_nearest(spec.precision)
 
     @wp.func
     def offer(
@@ -142,11 +142,11 @@ def make_varying_scan(spec: Spec) -> Any:
         raw = xi - anchor[j]
         d = raw + vec()
         if wp.static(px):
-            d[0] = image(d[0], grid.box[0])
+            d[0] = nearest(d[0], grid.box[0], real(0.5) * grid.box[0])
         if wp.static(py):
-            d[1] = image(d[1], grid.box[1])
+            d[1] = nearest(d[1], grid.box[1], real(0.5) * grid.box[1])
         if wp.static(pz):
-            d[2] = image(d[2], grid.box[2])
+            d[2] = nearest(d[2], grid.box[2], real(0.5) * grid.box[2])
         near = wp.max(radius, real(1.0 + GROWTH) * reach * listed_smoothing[j] + skin_length)
         count = state[0]
         flag = state[1]
