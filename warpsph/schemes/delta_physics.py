@@ -89,7 +89,7 @@ def derive(case: Case, geometry: Geometry, row_list: bool) -> Physics:
     h = float(choices["smoothing_ratio"]) * case.spacing
     support = h * KERNELS[numerics.kernel].support
     scales, seen = flow_scales(case, geometry, np.zeros((1, 1)), filled)
-    sound, warnings = sound_speeds(case, scales, seen, filled)
+    sound, warnings = sound_speeds(case, scales, seen, filled, [0.0])
     viscous, fitted = phase.viscosity > 0, fitted_walls(case, geometry)
     choices["artificial"] = max(
         float(alpha) * h * sound[0] * phase.density / (2 * (case.dimension + 2)) - phase.viscosity, 0.0

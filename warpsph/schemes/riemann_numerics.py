@@ -75,13 +75,6 @@ class RiemannNumerics(NumericsBase):
         "0 also leaves the divergence of the continuity equation uncorrected. auto: 2 with corrected and shifting, else 0",
         examples=["2"],
     )
-    stiffness: Annotated[Literal["auto", "gravity", "turning"], ChoiceRule()] = Field(
-        default="auto",
-        description="how stiff a dense phase is beside a light one, as far as its sound is no faster. gravity: rho c^2 50 "
-        "times as much under gravity, 1000 times without; turning: as fast as sound has to be to cross it 10 times while "
-        "the flow turns by a radian. auto: gravity",
-        examples=["turning"],
-    )
     acoustic_damping: Annotated[float | Auto, NumberRule(least=0, most=0.5, auto=True)] = Field(
         default="auto",
         description="bulk viscosity of one fluid over rho c h: damps sound, leaves other flow alone. auto: 0.25 "
@@ -91,8 +84,8 @@ class RiemannNumerics(NumericsBase):
     acoustic_relaxation: Annotated[float | Auto, NumberRule(least=0, most=4, auto=True)] = Field(
         default="auto",
         description="stiffness of a part of the pressure that fades, over that of the rest: damps sound of all lengths; a "
-        "step is shorter by the root of 1 + this. auto: 1 with stiffness: turning where tension makes more pressure than "
-        "weight, from a start without it, else 0",
+        "step is shorter by the root of 1 + this. auto: the share of the pressures that tension makes at once, 1 without "
+        "weight, 0 where the start gives the pressure",
         examples=["1"],
     )
     relaxation_time: Annotated[float | Auto, NumberRule(above=0, auto=True)] = Field(

@@ -31,6 +31,8 @@ from warpsph.schemes.flow_through import check_filled
 from warpsph.schemes.viscous_steps import reach, worth
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from warpsph.case.case import Case
     from warpsph.scene.geometry import Geometry
     from warpsph.schemes.riemann_numerics import RiemannNumerics
@@ -43,13 +45,8 @@ COMPRESSION = 0.01
 LIGHT_COMPRESSION = 0.04
 # Share of the scene's pressure range that a phase must carry even where it sees little of it itself.
 SHARED_PRESSURE = 0.01
-# Stiffness rho c^2 that a dense phase gets against the lightest one, in a scene with gravity and without. The pressure noise
-# of the dense phase grows with its rho c: at 1000 times it tears the films of a rising bubble. Without gravity a scene
-# starts far from balance and moves slowly, and its sound has to die down meanwhile: in the square droplet the dense phase
-# rings by 2 Pa about a jump of 1.7 Pa for the whole run at 50 times.
-STIFFER = {True: 50.0, False: 1000.0}
-# The same where the flow's turning says how stiff a phase is, at least: under a pressure that they share it gives way by a
-# tenth as much. 5 and 20 make the same of all cases (docs/records/sound.md).
+# Stiffness rho c^2 that a dense phase gets against the lightest one at least: under a pressure that they share it gives way
+# by a tenth as much. 5 and 20 make the same of all cases (docs/records/sound.md).
 LEAST_STIFFER = 10.0
 # Shift of a step over h^2 |grad v| dt sum grad W V: how much faster particles are evened out than the flow disorders them.
 SHIFTING = 16.0
@@ -61,8 +58,9 @@ UNLOCK = 0.05
 # Step of friction in stages over L^2/nu where `auto` chooses their number: half of it changes the start of a channel flow by
 # 0.05 % of its speed, six times as much by 1 % (docs/records/shear.md).
 CHANGE = 0.002
-# Stiffness of the part of the pressure that fades, over that of the rest: the sound of a start is gone, to 1 %, after the
-# time 18.4/(pi m) L/c; a step is shorter by sqrt(1 + m) (docs/records/sound.md).
+# Stiffness m of the part of the pressure that fades, over that of the rest, where tension alone makes the pressures and sets
+# in at once: the sound of a start is gone, to 1 %, after the time 18.4/(pi m) L/c; a step is shorter by sqrt(1 + m)
+# (docs/records/sound.md).
 RELAXATION = 1.0
 # Radians that a flow turns by until the sound of a tension that sets in at once has died to 1 % (theory: riemann#a1).
 QUIET = 0.25
@@ -154,16 +152,12 @@ def derive(case: Case, geometry: Geometry, row_list: bool = True) -> Physics:
     support = h * KERNELS[numerics.kernel].support
     scales, seen = flow_scales(case, geometry, tension, filled)
     lengths = phase_lengths(case, geometry)
-    turns = choose("stiffness", "gravity", "the other was measured with coarse spacings alone") == "turning"
-    onset = tension_onset(case, geometry, tension) if turns else 0.0
-    crossed: tuple[float, ...] = ()
-    if turns:
-        often = crossings(onset) * (turning_rate(case, geometry, tension, scales) if len(phases) > 1 else 0.0)
-        crossed = tuple(often * size for size in lengths)
-    wanted, warnings = sound_speeds(case, scales, seen, filled, crossed)
-    sudden = corrected and not paper and not case.has_flow_through and onset > 0.5
-    reason = "tension sets in at once, against the smaller weight: its sound dies" if sudden else "not needed"
-    relaxed = float(choose("acoustic_relaxation", RELAXATION if sudden else 0.0, reason))
+    onset = tension_onset(case, geometry, tension)
+    often = crossings(onset) * (turning_rate(case, geometry, tension, scales) if len(phases) > 1 else 0.0)
+    wanted, warnings = sound_speeds(case, scales, seen, filled, [often * size for size in lengths])
+    sudden = corrected and not paper and not case.has_flow_through and onset > COMPRESSION
+    reason = "tension sets in at once: the sound of that share of the pressures dies" if sudden else "not needed"
+    relaxed = float(choose("acoustic_relaxation", RELAXATION * onset if sudden else 0.0, reason))
     frozen = math.sqrt(1.0 + relaxed)  # speed of the fastest sound over that of slow pressures
     choose("relaxation_time", longest_wave(lengths, wanted), "the longest wave dies out fastest")
     fitted = fitted_walls(case, geometry)
@@ -237,24 +231,18 @@ def derive(case: Case, geometry: Geometry, row_list: bool = True) -> Physics:
     )
 
 
-def heavy(case: Case) -> bool:
-    """Return whether gravity acts."""
-    return bool(np.any(forcing_of(case).hydrostatic() != 0))
-
-
 def needed_sound_speeds(
-    case: Case, scales: dict[str, float], seen: np.ndarray, filled: bool, turns: bool = False
+    case: Case, scales: dict[str, float], seen: np.ndarray, filled: bool
 ) -> list[float]:
     """Return the least sound speed of each phase [m/s] (theory: riemann#a1).
 
     c_k^2 >= max(U^2, p_k/rho_k, 0.01 p_max/rho_k, mu_k U/(rho_k L)) / 0.01, p_k the pressure that phase k sees; p_k / 4
-    under gravity, with `turns` also without, for a light phase whose volume its start pressure holds, or a closed domain
-    that is full (`filled`).
+    for a light phase whose volume its start pressure holds, or a closed domain that is full (`filled`).
     """
     velocity, length = scales["velocity"], scales["length"]
     largest = float(seen.max(initial=0.0))
     densest = max(case.phases[name].density for name in case.phase_names)
-    held = (turns or heavy(case)) and (filled or case.start.pressure is not None)
+    held = filled or case.start.pressure is not None
     result = []
     for name, pressure in zip(case.phase_names, seen, strict=True):
         phase = case.phases[name]
@@ -270,22 +258,20 @@ def needed_sound_speeds(
 
 
 def sound_speeds(
-    case: Case, scales: dict[str, float], seen: np.ndarray, filled: bool, crossed: tuple[float, ...] = ()
+    case: Case, scales: dict[str, float], seen: np.ndarray, filled: bool, crossed: Sequence[float]
 ) -> tuple[list[float], list[str]]:
     """Return the sound speed of each phase [m/s], and a warning for each given one that is too low.
 
-    seen: pressure that each phase sees [Pa]; crossed: speed at which each phase is crossed often enough [m/s], where that
-    and not gravity says how stiff a dense phase is.
+    seen: pressure that each phase sees [Pa]; crossed: speed at which each phase is crossed often enough [m/s].
     """
-    needed = needed_sound_speeds(case, scales, seen, filled, bool(crossed))
+    needed = needed_sound_speeds(case, scales, seen, filled)
     densities = [case.phases[name].density for name in case.phase_names]
     # A phase may be stiffer at no cost as long as its sound is no faster than that of the others: it gives way less than the
     # lightest, or sound crosses it often while the flow turns.
     fastest, light = max(needed), min(densities)
-    stiffer = LEAST_STIFFER if crossed else STIFFER[heavy(case)]
     lifted = [
-        max(c, min(fastest, max(fastest * math.sqrt(stiffer * light / rho), speed)))
-        for c, rho, speed in zip(needed, densities, crossed or (0.0,) * len(needed), strict=True)
+        max(c, min(fastest, max(fastest * math.sqrt(LEAST_STIFFER * light / rho), speed)))
+        for c, rho, speed in zip(needed, densities, crossed, strict=True)
     ]
     floor = max(needed) if max(needed) > 0 else 1.0
     result, warnings = [], []
