@@ -1,16 +1,21 @@
-"""Linear waves of a flat interface between two fluids: the exact dispersion relation, and what grows without a disturbance.
+"""Linear waves of a flat interface between two fluids: the exact dispersion relation, and that of the program.
 
-    python scripts/dispersion.py --spacings 48 --density 1 --viscosity 0.01826
+    python scripts/dispersion.py --density 1 --viscosity 0.1265
 
-runs two fluids at rest, flat interface on the lattice, unit tension, and prints the growth rate of the speed [1/s]
-and the exact rate of a wave 4.4 spacings long (docs/records/tension.md). Exactly, nothing grows.
+prints, for waves of 48 spacings and less, the exact rate s of e^{ikx + st}, that of the program's wave, and the fastest growth
+of all modes of this length (docs/records/tension.md). Exactly, nothing grows. Spacing, tension and the lighter density are 1.
+
+The program's rates are eigenvalues of one time step, linearised about rest on the lattice: each row of particles is displaced,
+set in motion, or compressed at one place, in double precision, and what a step makes of that is summed over the columns with the
+phase of the wave. All modes are there, not just the fastest, and no run has to be waited for.
 """
 
 import argparse
-import tempfile
 from typing import Any
 
 import numpy as np
+
+EPSILON = 1e-6  # of a displacement, speed and density excess: differences are good to 1e-10
 
 
 def boundary_conditions(s: complex, k: float, density: tuple, viscosity: tuple, sigma: float) -> np.ndarray:
@@ -61,60 +66,133 @@ def exact_rate(k: float, density: tuple, viscosity: tuple, sigma: float) -> comp
     return s
 
 
-def scene(spacings: int, ratio: float, viscosity: float, end_time: float) -> dict[str, Any]:
-    """Return the case: 1 x 3 m, the interface in the middle, kinematic viscosity equal on both sides [m^2/s]."""
+def scene(columns: int, rows: int, ratio: float, viscosity: float, step: float, numerics: dict) -> dict[str, Any]:
+    """Return the case: `columns` x `rows` particles, the interface in the middle, one kinematic viscosity [spacing^2/s]."""
     return {
         "dimension": 2,
-        "particle_spacing": 1 / spacings,
-        "end_time": end_time,
-        "domain": {"lower": [0, 0], "upper": [1, 3], "boundary": {"x": "periodic", "y": "free_slip"}},
+        "particle_spacing": 1.0,
+        "end_time": 1e9,
+        "precision": "float64",
+        "domain": {"lower": [0, 0], "upper": [columns, rows], "boundary": {"x": "periodic", "y": "free_slip"}},
         "phases": {
             "lower": {"density": ratio, "viscosity": viscosity * ratio},
             "upper": {"density": 1.0, "viscosity": viscosity},
         },
         "surface_tension": [{"between": ["lower", "upper"], "coefficient": 1.0}],
         "fluids": [
-            {"phase": "lower", "shape": {"box": {"lower": [0, 0], "upper": [1, 1.5]}}},
+            {"phase": "lower", "shape": {"box": {"lower": [0, 0], "upper": [columns, rows / 2]}}},
             {"phase": "upper", "shape": "rest"},
         ],
-        "numerics": {"unlock": 0},
-        "gauges": {"energy": {"type": "energy", "interval": end_time / 100}},
+        # a tenth of the speed and pressure of the shortest wave at an amplitude of a spacing
+        "scales": {"velocity": 0.05, "pressure": 0.05},
+        "numerics": {"unlock": 0, "maximum_step": step, "acoustic_relaxation": 0, **numerics},
     }
 
 
-def growth(time: np.ndarray, kinetic: np.ndarray) -> float:
-    """Return the growth rate of the speed [1/s]: half the slope of ln E between 30 times its start and 1/30 of its end."""
-    usable = kinetic > 0
-    low, high = kinetic[usable][:5].max() * 30, kinetic.max() / 30
-    part = usable & (kinetic > low) & (kinetic < high)
-    if part.sum() < 5:
-        return float("nan")
-    return 0.5 * float(np.polyfit(time[part], np.log(kinetic[part]), 1)[0])
+class LinearStep:
+    """One time step of the program, linearised about the fluids at rest.
+
+    The state of a particle are five numbers: displacement, velocity (half a step behind), density excess.
+
+    Args:
+        ratio: density of the lower fluid over that of the upper.
+        viscosity: kinematic, of both [spacing^2/s].
+        columns: of particles; more than twice the way that a step carries anything (20 spacings).
+        rows: of particles; both fluids are half of it deep.
+        step: time step [s].
+        numerics: further keys of the case.
+    """
+
+    def __init__(
+        self, ratio: float, viscosity: float, columns: int = 48, rows: int = 32, step: float = 0.05, **numerics: Any
+    ) -> None:
+        from warpsph.case.case import Case
+        from warpsph.simulation import Simulation
+
+        self.columns, self.rows, self.step = columns, rows, step
+        case = Case.from_dict(scene(columns, rows, ratio, viscosity, step, numerics))
+        self.stepper = Simulation(case, device="cpu").model.stepper
+        self.stepper.prepare(fresh=True)
+        rest = self._get("position")
+        column, row = np.floor(rest).astype(int).T
+        self.at = np.empty((columns, rows), dtype=int)  # particle at a column and row
+        self.at[column, row] = np.arange(len(rest))
+        self.rest = np.column_stack([rest, np.zeros_like(rest), self._get("density_excess")])
+        self.response = self._response()
+
+    def _get(self, name: str) -> np.ndarray:
+        particles = self.stepper.particles
+        ids = particles.get("particle_id")[: particles.fluid_count]
+        values = particles.get(name)[: particles.fluid_count].astype(float)
+        result = np.empty_like(values)
+        result[ids] = values
+        return result
+
+    def _put(self, name: str, values: np.ndarray) -> None:
+        particles = self.stepper.particles
+        ids = particles.get("particle_id")[: particles.fluid_count]
+        host = particles.get(name).copy()
+        host[: particles.fluid_count] = values[ids]
+        particles.put(name, host)
+
+    def advance(self, state: np.ndarray) -> np.ndarray:
+        """Return the state (n, 5) one step later."""
+        from warpsph.kernels.core import clock as ck
+
+        self._put("position", state[:, :2])
+        self._put("anchor", state[:, :2])
+        self._put("offset", np.zeros_like(state[:, :2]))
+        self._put("velocity", state[:, 2:4])
+        self._put("density_excess", state[:, 4])
+        self.stepper.write(counters={ck.REBUILD: 1})
+        self.stepper.start_nodes.run()
+        self.stepper.write(clock={ck.LAST_STEP: self.step, ck.STEP: self.step})
+        for task in self.stepper.step_tasks:
+            task.run()
+            if task.name == "continuity":  # what comes after belongs to the next step
+                break
+        return np.column_stack([self._get("position"), self._get("velocity"), self._get("density_excess")])
+
+    def _response(self) -> np.ndarray:
+        """Return what a step makes of a change in column 0: (5, rows, columns) of each of (5, rows)."""
+        result = np.zeros((5, self.rows, self.columns, 5, self.rows))
+        for row in range(self.rows):
+            for part in range(5):
+                change = np.zeros_like(self.rest)
+                change[self.at[0, row], part] = EPSILON
+                difference = self.advance(self.rest + change) - self.advance(self.rest - change)
+                difference[:, 0] -= self.columns * np.rint(difference[:, 0] / self.columns)  # across the periodic side
+                result[:, :, :, part, row] = np.moveaxis(difference[self.at], (0, 1, 2), (2, 1, 0)) / (2 * EPSILON)
+        return result
+
+    def rates(self, waves: int) -> np.ndarray:
+        """Return the rates s [1/s] of all modes of so many waves in the box."""
+        phase = np.exp(-2j * np.pi * waves * np.arange(self.columns) / self.columns)
+        step = np.einsum("arcbs,c->arbs", self.response, phase).reshape(5 * self.rows, 5 * self.rows)
+        factors = np.linalg.eigvals(step).astype(complex)
+        return np.log(factors[factors != 0]) / self.step
 
 
 def main() -> None:
-    """Run the scene and print the rates."""
-    import warpsph
-    from warpsph.case.case import Case
-
+    """Print the rates of waves of 48 spacings and less."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--spacings", type=int, default=48)
-    parser.add_argument("--density", type=float, default=1.0)
-    parser.add_argument("--viscosity", type=float, default=0.01826)
-    parser.add_argument("--end-time", type=float, default=1.0)
+    parser.add_argument("--density", type=float, default=1.0, help="of the lower fluid over that of the upper")
+    parser.add_argument("--viscosity", type=float, default=0.1265, help="kinematic, in spacings^2/s")
+    parser.add_argument("--step", type=float, default=0.05, help="time step [s]")
+    parser.add_argument("--set", nargs="*", default=[], metavar="KEY=VALUE", help="further keys of numerics")
     options = parser.parse_args()
-    case = Case.from_dict(scene(options.spacings, options.density, options.viscosity, options.end_time))
-    with tempfile.TemporaryDirectory() as folder:
-        energy = warpsph.run(case, output=folder).gauge("energy")
-    names = list(energy)
-    time, kinetic = np.asarray(energy[names[0]]), np.asarray(energy[next(n for n in names if "kinetic" in n)])
-    print(f"kinetic energy {kinetic[1]:.2e} to {kinetic[-1]:.2e} J/m, growth {growth(time, kinetic):+.2f} 1/s")
-    k = 2 * np.pi * options.spacings / 4.4
-    density = (options.density, 1.0)
-    try:
-        print(f"exact {exact_rate(k, density, tuple(r * options.viscosity for r in density), 1.0):.2f} 1/s")
-    except ValueError as problem:
-        print(f"exact: {problem}")
+    linear = LinearStep(options.density, options.viscosity, step=options.step, **dict(t.split("=", 1) for t in options.set))
+    print("| spacings a wave | exact [1/s] | program [1/s] | fastest growth [1/s] |\n|---|---|---|---|")
+    for waves in range(1, linear.columns // 2):
+        k, rates = 2 * np.pi * waves / linear.columns, linear.rates(waves)
+        fastest = rates[np.argmax(rates.real)]
+        try:
+            exact = exact_rate(k, (options.density, 1.0), (options.density * options.viscosity, options.viscosity), 1.0)
+            nearest = rates[np.argmin(abs(rates - exact))]
+            texts = [f"{z.real:+.5f} {z.imag:+.5f}i" for z in (exact, nearest)]
+        except ValueError:
+            texts = ["does not swing", "-"]
+        print(f"| {linear.columns / waves:.2f} | {texts[0]} | {texts[1]} | {fastest.real:+.5f} {fastest.imag:+.5f}i |")
 
 
 if __name__ == "__main__":

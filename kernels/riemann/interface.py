@@ -4,8 +4,9 @@ Everything is seen from a particle's own phase, so that any number of phases nee
     fraction_i  = sum_{j in own phase} W V_j / sum_j W V_j          (Shepard; the own phase is 1 in the bulk)
     n_i         = sum_j (c_j - fraction_i) grad_i W V_j      c_j: i's phase at j, fraction_j or 1 - fraction_j
     kappa_i     = div(-n/|n|) = tr(M^-1 D)                            positive where the own phase is convex
-Smoothing the curvature along the interface was tried and left out: a static drop gains nothing by it (jump and spurious
-speed within 10 %), and a moving one loses 8 to 12 % of its kinetic energy at 15 particles a radius.
+The curvature at a particle follows from the places of the *other* particles, mostly those across the interface. Used as it
+is, it drives the first rows of both sides apart, at any density ratio (docs/records/tension.md). So it is made the same on
+both sides, and what that smooths of it along the interface is put back (`make_evened`).
 Walls take no part unless `contact` turns the normals next to them. That prescribes no contact angle: drops set down at
 60 and 120 degrees creep towards 90 on a no-slip wall (73 and 91 after 12 and 16 capillary times) and slosh on a free-slip
 one.
@@ -19,7 +20,7 @@ import warp as wp
 from warpsph.kernels.core.clock import BAND_COUNT
 from warpsph.kernels.core.pair import BAND, NEAR, list_access, separation_of
 from warpsph.kernels.core.params import make_params, make_phase
-from warpsph.kernels.core.smoothing import make_smoothing
+from warpsph.kernels.core.smoothing import KERNELS, make_smoothing
 from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, types_of
 
 
@@ -216,3 +217,92 @@ def make_curvature(spec: Spec) -> Any:
         curvature[i] = kappa
 
     return interface_curvature
+
+
+# Width of the means across an interface: weights exp(-NARROW t^2/h^2) of the way t along it, the narrowest that still finds
+# some particles in reach. Half and double of it: docs/records/tension.md.
+NARROW = 2.0
+
+
+@functools.cache
+def make_evened(spec: Spec, sharp: bool) -> Any:
+    """Return the kernel of the mean of the curvature across the interface; `sharp`: that of the curvature, not smoothed.
+
+        mean_i  = sum_j w_j^2 a_ij exp(-NARROW t_ij^2/h^2) V_j kappa_j / sum_j (the same without kappa_j),   i included
+        kappa_i = mean_i + (mean_i - the same mean of mean_i)
+
+    t_ij is the way along the interface at i, whatever the distance across, so that both sides see the same particles;
+    a_ij = max(n_i.n_j/(|n_i| |n_j|), 0) leaves out other interfaces in reach. Signs of other phases are turned.
+    """
+    real, vec, _, pair = types_of(spec)
+    Params = make_params(spec.dimension, spec.precision)
+    separation = separation_of(spec)
+    list_begin, list_step, neighbour, Listed = list_access(spec)
+    reach2 = KERNELS[spec.kernel].support ** 2
+
+    @wp.kernel(module="unique", enable_backward=False, module_options=SWEEP_OPTIONS)
+    def evened_curvature(
+        first: int,
+        particle_count: int,
+        list_width: int,
+        params: Params,
+        counters: wp.array(dtype=int),
+        band: wp.array(dtype=int),
+        neighbours: Listed,
+        fluid_neighbours: wp.array(dtype=wp.int16),
+        flags: wp.array(dtype=wp.uint8),
+        phase: wp.array(dtype=wp.int8),
+        position: wp.array(dtype=vec),
+        state: wp.array(dtype=pair),
+        normal: wp.array(dtype=vec),
+        interface_weight: wp.array(dtype=real),
+        curvature: wp.array(dtype=real),
+        mean_curvature: wp.array(dtype=real),
+    ):
+        i = wp.tid() + first
+        if wp.static(spec.row_list):
+            if i >= counters[BAND_COUNT]:
+                return
+            i = band[i]
+        elif (int(flags[i]) & BAND) == 0:
+            return
+        own_value = curvature[i]
+        if wp.static(sharp):
+            own_value = mean_curvature[i]
+        mean = real(0.0)
+        if interface_weight[i] > real(0.0):
+            xi = position[i]
+            own = phase[i]
+            unit_i = wp.normalize(normal[i])
+            inv_width2 = real(NARROW) * params.inv_h * params.inv_h
+            total = interface_weight[i] * interface_weight[i] * state[i][1]
+            mean = total * own_value
+            k = list_begin(i, list_width)
+            step = list_step(particle_count)
+            end = k + int(fluid_neighbours[i]) * step
+            while k < end:
+                j = neighbour(neighbours, i, k)
+                k += step
+                d = separation(xi, position[j], True, params)
+                r2 = wp.dot(d, d)
+                if interface_weight[j] > real(0.0) and r2 * params.inv_h * params.inv_h < real(reach2):
+                    side = real(1.0)
+                    if phase[j] != own:
+                        side = real(-1.0)
+                    across = wp.dot(d, unit_i)
+                    alike = wp.max(side * wp.dot(unit_i, wp.normalize(normal[j])), real(0.0))
+                    w = alike * interface_weight[j] * interface_weight[j] * state[j][1]
+                    w *= wp.exp((across * across - r2) * inv_width2)
+                    total += w
+                    if wp.static(sharp):
+                        mean += side * w * mean_curvature[j]
+                    else:
+                        mean += side * w * curvature[j]
+            mean = mean / total
+        if wp.static(sharp):
+            limit = real(2.0) * params.inv_h
+            curvature[i] = wp.clamp(real(2.0) * own_value - mean, -limit, limit)
+        else:
+            mean_curvature[i] = mean
+
+    return evened_curvature

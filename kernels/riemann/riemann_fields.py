@@ -16,6 +16,10 @@ def _tension(spec: Spec) -> bool:
     return spec.tension != "none"
 
 
+def _jump(spec: Spec) -> bool:
+    return spec.tension == "pressure_jump"
+
+
 def _contact(spec: Spec) -> bool:
     return spec.contact_angle
 
@@ -53,6 +57,7 @@ RIEMANN_FIELDS: tuple[Field, ...] = (
     Field("normal", "vec", "fluid", True, _interface, "1/m", "gradient of the own phase's share"),
     Field("interface_weight", "real", "fluid", True, _interface, "-", "(|normal| h)^2, zero away from interfaces"),
     Field("curvature", "real", "fluid", True, _tension, "1/m", "of the interface, positive if the own phase is convex"),
+    Field("mean_curvature", "real", "fluid", False, _jump, "1/m", "the same on both sides of an interface"),
     Field("band_mark", "int32", "fluid", False, _band_list, "-", "1 in the interface band"),
     Field("band_sum", "int32", "fluid", False, _band_list, "-", "running sum of band_mark"),
     Field("band", "int32", "fluid", False, _band_list, "-", "particles of the interface band, in order"),

@@ -110,6 +110,45 @@ def test_weak_normals_do_not_count(circle):
     np.testing.assert_allclose(weight, np.where(strength < 0.01, 0.0, strength**2), rtol=1e-12)
 
 
+def evened(bench, x, values):
+    """The definition of `make_evened`, particle by particle: the mean across, and what the second one makes of it."""
+    weight, volume = bench.get("interface_weight"), bench.get("state")[:, 1]
+    unit = bench.get("normal") / np.maximum(np.linalg.norm(bench.get("normal"), axis=1), 1e-300)[:, None]
+    side = np.where(bench.get("phase") == 0, 1.0, -1.0)
+
+    def mean(field):
+        result = np.zeros(len(x))
+        for i in np.flatnonzero(weight > 0):
+            d = x[i] - x
+            r2 = (d**2).sum(axis=1)
+            near = (weight > 0) & (r2 < (2 * bench.h) ** 2)
+            alike = np.maximum(side[i] * side[near] * (unit[near] @ unit[i]), 0.0)
+            along2 = r2[near] - (d[near] @ unit[i]) ** 2
+            w = weight[near] ** 2 * volume[near] * alike * np.exp(-2.0 * along2 / bench.h**2)
+            result[i] = (w * side[i] * side[near] * field[near]).sum() / w.sum()
+        return result
+
+    first = mean(values)
+    return first, np.clip(2 * first - mean(first), -2 / bench.h, 2 / bench.h)
+
+
+def test_curvature_is_evened_across_the_interface(device):
+    """Both means against their definition, with any curvature; one that is the same all along the interface stays."""
+    bench, x, _ = drop(9.0, device=device)
+    stages = [stage for stage in riemann.tension(bench.spec) if stage.name in ("mean_curvature", "sharp_curvature")]
+    side = np.where(bench.get("phase") == 0, 1.0, -1.0)
+    random = np.random.default_rng(3).normal(0.0, 0.1, len(x))
+    bench.put("curvature", random)
+    bench.run(*stages)
+    first, second = evened(bench, x, random)
+    at = bench.get("interface_weight") > 0
+    np.testing.assert_allclose(bench.get("mean_curvature")[at], first[at], atol=1e-12)
+    np.testing.assert_allclose(bench.get("curvature")[at], second[at], atol=1e-12)
+    bench.put("curvature", 0.3 * side)
+    bench.run(*stages)
+    np.testing.assert_allclose(bench.get("curvature")[at], 0.3 * side[at], atol=1e-12)
+
+
 def test_curvature_in_a_narrow_band(device):
     """Exact normals on a thin ring: particles without normals on either side do not lower the divergence."""
     bench, x, r = drop(20.0, device=device)

@@ -23,20 +23,23 @@ FIELDS = {
     "second phase": {"phase", "velocity_gradient", "facing"},
     "walls": {"wall_body", "wall_neighbours", "wall_impact"},
     "friction on walls": {"slip", "wall_depth", "mirror_velocity"},
-    "tension": {"fraction", "normal", "interface_weight", "curvature"},
+    "tension": {"fraction", "normal", "interface_weight", "curvature", "mean_curvature"},
+    "sound of tension": {"settled"},
     "interface band": {"band_mark", "band_sum", "band"},
     "shift": {"shift", "carried"},
 }
 STAGES = {
     "second phase": ["interface_flow"],
     "walls": ["wall_state"],
-    "tension": ["own_fraction", "colour_normal", "curvature"],
+    "sound of tension": ["relaxation"],
+    "tension": ["own_fraction", "colour_normal", "curvature", "mean_curvature", "sharp_curvature"],
     "volume constraint": ["volume", "volume_fold", "volume_close"],
 }
 KERNELS = {
     "second phase": {"interface_flow"},
     "walls": {"wall_state"},
-    "tension": {"own_fraction", "colour_normal", "interface_curvature", "mark_band", "gather_band"},
+    "sound of tension": {"relaxation"},
+    "tension": {"own_fraction", "colour_normal", "interface_curvature", "evened_curvature", "mark_band", "gather_band"},
     "volume constraint": {"sum_volume", "fold_volume", "close_volume"},
 }
 
@@ -111,7 +114,12 @@ def test_leanest_against_fullest(kernels):
 @pytest.mark.parametrize(
     ("physics", "changes", "fields", "stages"),
     [
-        ("tension", {"surface_tension": []}, ["tension", "interface band"], ["tension"]),
+        (
+            "tension",
+            {"surface_tension": []},
+            ["tension", "sound of tension", "interface band"],
+            ["sound of tension", "tension"],
+        ),
         ("viscosity", {"phases.gas.viscosity": 0, "phases.liquid.viscosity": 0}, ["friction on walls"], []),
         ("shift", {"numerics.shifting": 0}, ["shift"], []),
         ("constraint", {"numerics.volume_constraint": False}, [], ["volume constraint"]),

@@ -15,7 +15,7 @@ from warpsph.kernels.riemann.contact import make_contact
 from warpsph.kernels.riemann.density import make_continuity, make_state
 from warpsph.kernels.riemann.drift import make_drift
 from warpsph.kernels.riemann.integrate import make_kick_drift
-from warpsph.kernels.riemann.interface import make_curvature, make_fraction, make_normal
+from warpsph.kernels.riemann.interface import make_curvature, make_evened, make_fraction, make_normal
 from warpsph.kernels.riemann.interface_flow import make_interface_flow
 from warpsph.kernels.riemann.load import make_load
 from warpsph.kernels.riemann.momentum import make_momentum
@@ -157,7 +157,11 @@ def tension(spec: Spec) -> list[Stage]:
     ]
     if spec.contact_angle:
         stages.append(Stage("contact_normal", make_contact(spec), "band", "contact angle: normals next to walls"))
-    stages.append(Stage("curvature", make_curvature(spec), "band", "interface curvature for the pressure jump"))
+    stages.append(Stage("curvature", make_curvature(spec), "band", "curvature of the interfaces"))
+    if spec.tension == "pressure_jump":
+        text = "curvature the same on both sides of an interface"
+        stages.append(Stage("mean_curvature", make_evened(spec, False), "band", text))
+        stages.append(Stage("sharp_curvature", make_evened(spec, True), "band", "what the means have smoothed is put back"))
     return stages
 
 
@@ -171,7 +175,7 @@ def absent(spec: Spec) -> list[Absent]:
     if not spec.multiphase:
         rows.append(Absent("interface_flow, interface pairs", "a single phase"))
     if spec.tension == "none":
-        rows.append(Absent("own_fraction, colour_normal, curvature", "no surface tension"))
+        rows.append(Absent("own_fraction, colour_normal, curvature, mean_curvature, sharp_curvature", "no surface tension"))
     if not spec.contact_angle:
         rows.append(Absent("contact_normal", "no contact_angle in surface_tension: walls take no part in the interfaces"))
     if spec.viscosity == "none":
