@@ -54,7 +54,7 @@ def test_no_wave_of_a_flat_interface_grows(ratio, viscosity, step):
 
 
 def test_the_frequency_is_that_of_the_exact_wave():
-    """To second order in the smoothing length: 1 - 0.2 (kh)^2 from fraction, normal and divergence, each a sum with the kernel."""
+    """To second order in the smoothing length: 1 - 0.2 (kh)^2 from fraction, normal and divergence, sums with the kernel."""
     linear = dispersion.LinearStep(1.0, 0.01265, columns=40, rows=40)
     errors = []
     for waves in (2, 3, 4):
