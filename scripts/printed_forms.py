@@ -7,11 +7,19 @@
 Cases are those of `cases/papers/`. Rows of each run:
 
 * printed: as the file has it, `numerics.formulation: paper` with the settings of the paper;
+* default: the same scene, spacing and times in the default form with all numbers that it takes by itself;
+
+and of the Riemann scheme (Yang et al. 2019)
+
 * printed, default steps: the same without its time step, half of the step (28) instead;
 * printed, longest steps: all that (28) to (30) allow;
-* printed, means: without the Riemann solution, (6) and (7) with the friction of (16) (Yang et al. 2019, figure 10 b);
+* printed, means: without the Riemann solution, (6) and (7) with the friction of (16), figure 10 b;
 * printed, means, no friction: (6) and (7) as they stand, without viscosity;
-* default: the same scene, spacing and times in the default form with all numbers that it takes by itself.
+
+of projection ISPH (Qiu 2013)
+
+* printed, no shift: without (20), figure 4;
+* printed, solved to 1e-6: the pressure equation, which is printed with 1e-3.
 
 Errors are relative, in per cent, or absolute where the reference is 0. A run that ends early shows why in place of seconds.
 """
@@ -43,21 +51,28 @@ def frictionless(case: Case) -> str:
 
 def by_default(case: Case) -> str:
     """Return the changes that leave all numbers of a case to the default form."""
-    changes = ["numerics.formulation=improved", "numerics.maximum_step=none", "numerics.interface_force=auto"]
+    changes = ["numerics.formulation=improved", "numerics.maximum_step=none", "start.arrangement=auto"]
+    if case.numerics.scheme == "isph":
+        return " ".join([*changes, "numerics.kernel=wendland_c2"])
+    changes += ["numerics.interface_force=auto"]
     for name in case.phases:
         changes += [f"phases.{name}.sound_speed=auto", f"phases.{name}.background_pressure=0"]
-    return " ".join([*changes, "start.arrangement=auto"])
+    return " ".join(changes)
 
 
 def rows_of(case: Case) -> dict[str, str]:
     """Return the changes of each row by its name."""
+    ends = {"default": by_default(case)}
+    if case.numerics.scheme == "isph":
+        others = {"printed, no shift": "numerics.shifting=0", "printed, solved to 1e-6": "numerics.tolerance=1e-6"}
+        return {"printed": "", **others, **ends}
     return {
         "printed": "",
         "printed, default steps": "numerics.maximum_step=none numerics.courant=0.5",
         "printed, longest steps": "numerics.maximum_step=none",
         "printed, means": WITHOUT_RIEMANN,
         "printed, means, no friction": f"{WITHOUT_RIEMANN} {frictionless(case)}",
-        "default": by_default(case),
+        **ends,
     }
 
 
