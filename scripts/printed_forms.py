@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 """The cases of the papers, as printed and with the default form: errors against one reference, and seconds.
 
-    python scripts/printed_forms.py [CASE ...] [--level quick|seed|fine] [--rows NAME ...] [--device cpu|cuda:0]
-                                    [--threads N] [--json FILE]
+    python scripts/printed_forms.py [CASE ...] [--level quick|seed|fine] [--run NAME] [--rows NAME ...]
+                                    [--device cpu|cuda:0] [--threads N] [--json FILE]
 
 Cases are those of `cases/papers/`. Rows of each run:
 
@@ -81,6 +81,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("cases", nargs="*", metavar="CASE", help="by name; default: all")
     parser.add_argument("--level", default="quick", choices=["quick", "seed", "fine"])
+    parser.add_argument("--run", help="the run of this name alone, as in the file")
     parser.add_argument("--rows", nargs="+", help="these rows alone")
     parser.add_argument("--device", default="cpu")
     parser.add_argument("--threads", type=int, default=1)
@@ -93,7 +94,7 @@ def main() -> int:
     data |= {"device": options.device, "runs": {}}
     for name in options.cases or known:
         for run in runs_of(load_case(known[name]), name):
-            if run.level != options.level:
+            if run.level != options.level or (options.run and run.run.name != options.run):
                 continue
             results: dict[str, dict[str, Any]] = {}
             for row, changes in rows_of(run.case).items():
