@@ -3,12 +3,12 @@
     python scripts/dispersion.py --density 1 --viscosity 0.1265
 
 prints, for waves of 48 spacings and less, the exact rate s of e^{ikx + st}, that of the program's wave, and the fastest
-growth of all modes of this length (docs/records/tension.md). Exactly, nothing grows. Spacing, tension and the lighter density
-are 1.
+growth of all modes of this length (docs/records/tension.md). Exactly, nothing grows. Spacing, tension and the lighter
+density are 1.
 
-The program's rates are eigenvalues of one time step, linearised about rest on the lattice: each row of particles is displaced,
-set in motion, or compressed at one place, in double precision, and what a step makes of that is summed over the columns with
-the phase of the wave. All modes are there, not just the fastest, and no run has to be waited for.
+The program's rates are eigenvalues of one time step, linearised about rest on the lattice: each row of particles is
+displaced, set in motion, or compressed at one place, in double precision, and what a step makes of that is summed over the
+columns with the phase of the wave. All modes are there, not just the fastest, and no run has to be waited for.
 """
 
 import argparse

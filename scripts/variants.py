@@ -25,9 +25,9 @@ from warpsph.study.provenance import provenance
 from warpsph.study.validation import Planned, find_cases, runs_of
 
 
-def chosen(patterns: list[str], every: bool) -> list[Planned]:
+def chosen(patterns: list[str], every: bool, places: list[Path]) -> list[Planned]:
     """The runs, in the order of the patterns. Exits where one fits none."""
-    cases = find_cases()
+    cases = find_cases(places)
     found: list[Planned] = []
     for pattern in patterns:
         own: dict[str, Planned] = {}
@@ -79,6 +79,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("runs", nargs="+", metavar="CASE-RUN")
     parser.add_argument("--variant", action="append", help='"KEY=VALUE KEY=VALUE"; "" is the case as it is')
+    parser.add_argument("--cases", nargs="+", type=Path, default=[], help="files or folders (default: the shipped cases)")
     parser.add_argument("--all", action="store_true", help="runs of other schemes too")
     parser.add_argument("--device", default="cpu")
     parser.add_argument("--threads", type=int, default=1)
@@ -87,7 +88,7 @@ def main() -> int:
     options = parser.parse_args()
     data: dict[str, Any] = {**provenance(), "command": "python scripts/variants.py " + " ".join(sys.argv[1:])}
     data |= {"device": options.device, "runs": {}}
-    for run in chosen(options.runs, options.all):
+    for run in chosen(options.runs, options.all, options.cases):
         results = {}
         for variant in options.variant or [""]:
             results[variant] = measure(run, variant, options.device, options.threads, options.precision)

@@ -18,7 +18,7 @@ from warpsph.kernels.core.params import make_params, make_phase
 from warpsph.kernels.core.smoothing import KERNELS, window_integral
 from warpsph.kernels.core.spec import Spec, types_of
 from warpsph.kernels.riemann.density import make_continuity
-from warpsph.kernels.riemann.momentum import make_momentum
+from warpsph.kernels.riemann.printed_sweeps import make_printed_continuity
 from warpsph.running.model import quiet_warp
 from warpsph.schemes import registry
 from warpsph.schemes import riemann_program as riemann
@@ -66,6 +66,14 @@ def evaluate(function, precision, *columns, device="cpu"):
         def apply(table: wp.array2d(dtype=real), out: wp.array(dtype=real)):
             i = wp.tid()
             out[i] = function(table[i, 0], table[i, 1], table[i, 2])
+
+    elif count == 6:
+
+        @wp.kernel(module="unique", enable_backward=False)
+        def apply(table: wp.array2d(dtype=real), out: wp.array(dtype=real)):
+            i = wp.tid()
+            t = table[i]
+            out[i] = function(t[0], t[1], t[2], t[3], t[4], t[5])
 
     elif count == 5:
 
@@ -367,7 +375,7 @@ class Bench(Setup):
     def acceleration(self, dt=1.0):
         """Run the momentum sweep; return the acceleration, (fluid, d) [m/s^2]."""
         self.set_clock(STEP=dt)
-        self.launcher.task("momentum", make_momentum(self.spec), self.particles.fluid_count, self.bindings).run()
+        self.launcher.task("momentum", riemann.momentum(self.spec), self.particles.fluid_count, self.bindings).run()
         return self.get("acceleration")
 
     def density_rate(self, step=1.0e-6):
@@ -378,7 +386,8 @@ class Bench(Setup):
         # the sweep of a step is centred: here nothing moves, so its middle is where the particles are
         self.particles.put("midway", self.particles.get("position")[: self.particles.fluid_count])
         self.set_clock(STEP=step)
-        task = self.launcher.task("continuity", make_continuity(self.spec), self.particles.fluid_count, self.bindings)
+        make = make_printed_continuity if self.spec.printed else make_continuity
+        task = self.launcher.task("continuity", make(self.spec), self.particles.fluid_count, self.bindings)
         task.run()
         rate = (self.get("density_excess") - excess) / (1.0 + excess) / step
         for name, values in before.items():

@@ -39,6 +39,7 @@ class Spec:
         interface: interface normals are evaluated: with tension in every step, else where a gauge asks for them.
         corrected: corrected ("minus") pressure gradient instead of the conservative ("plus") one.
         paper_star: arithmetic star states of the printed scheme at interfaces.
+        printed: the sweeps as the paper prints them, with nothing else (riemann, isph).
         gravity: a hydrostatic acceleration acts.
         body_force: an acceleration that pressure does not balance acts.
         central_force: an acceleration -B^2 (x - center) acts.
@@ -99,6 +100,7 @@ class Spec:
     interface: bool = False
     corrected: bool = False
     paper_star: bool = False
+    printed: bool = False
     gravity: bool = False
     body_force: bool = False
     central_force: bool = False

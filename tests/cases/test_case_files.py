@@ -11,14 +11,15 @@ from warpsph.simulation import Simulation
 from warpsph.study import validation
 
 FOLDER = Path(__file__).parents[2] / "cases"
-NAMES = sorted(path.stem for path in FOLDER.glob("*.yaml"))
+FILES = {path.stem: path for folder in (FOLDER, FOLDER / "papers") for path in sorted(folder.glob("*.yaml"))}
+NAMES = list(FILES)
 
 # A spacing at which a start is a matter of seconds, where the one of the file is not.
 COARSE = {"dam_break_3d": 0.03, "rising_bubble_3d": 0.1 / 4, "static_drop_3d": 0.25 / 5}
 
 
 def load(name, **changes) -> Case:
-    case = Case.load(FOLDER / f"{name}.yaml")
+    case = Case.load(FILES[name])
     return case.replace({key.replace("__", "."): value for key, value in changes.items()}) if changes else case
 
 
@@ -32,7 +33,7 @@ def errors(folder, name, **changes) -> dict[str, dict]:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_the_file_is_valid_and_says_what_it_is(name):
-    text = (FOLDER / f"{name}.yaml").read_text(encoding="utf-8")
+    text = FILES[name].read_text(encoding="utf-8")
     assert text.startswith("# ") and "# Look at: " in text and "# Takes about " in text
     case = load(name)
     assert case.title

@@ -287,5 +287,6 @@ def test_a_body_that_stands_on_a_side(lower: list, upper: list, wall: str, most:
 
 def test_the_conservative_gradient_is_refused_beside_a_body_that_cuts_cells() -> None:
     with pytest.raises(CaseError) as caught:
-        Model(Case.from_dict({**standing([0.82, 0.2], [1.23, 0.61], "no_slip", formulation="paper"), "end_time": 1.0}))
+        changes = standing([0.82, 0.2], [1.23, 0.61], "no_slip", pressure_gradient="conservative")
+        Model(Case.from_dict({**changes, "end_time": 1.0}))
     assert [problem.path for problem in caught.value.problems] == ["numerics.pressure_gradient"]

@@ -297,7 +297,7 @@ def test_what_a_run_cannot_do_is_told():
     with pytest.raises(CaseError, match=r"x\.upper\.inlet\.velocity: .*more than comes in"):
         Model(scene(THROUGH, uneven), device="cpu", threads=1)
     with pytest.raises(CaseError, match=r"numerics\.pressure_gradient: conservative .*corrected"):
-        Model(scene(THROUGH, {"numerics.formulation": "paper"}), device="cpu", threads=1)
+        Model(scene(THROUGH, {"numerics.pressure_gradient": "conservative"}), device="cpu", threads=1)
     disc = {"disc": {"shape": {"sphere": {"center": [1.5, 0.5], "radius": 0.22}}}}
     with pytest.raises(CaseError, match=r"bodies\.disc\.shape.*cuts cells"):
         Model(scene(CHANNEL, {"bodies": disc}), device="cpu", threads=1)

@@ -30,7 +30,9 @@ class IsphNumerics(NumericsBase):
         examples=["auto"],
     )
     shifting: Annotated[float | Auto, NumberRule(least=0, most=20, auto=True)] = Field(
-        default="auto", description="coefficient of particle shifting. auto: 16", examples=["16"]
+        default="auto",
+        description="coefficient of particle shifting. auto: 16 (paper: C of its shift, 0.02)",
+        examples=["16"],
     )
     unlock: Annotated[float | Auto, NumberRule(least=0, most=0.3, auto=True)] = Field(
         default="auto",
@@ -39,7 +41,7 @@ class IsphNumerics(NumericsBase):
         examples=["0"],
     )
     courant: Annotated[float | Auto, NumberRule(above=0, most=2, auto=True)] = Field(
-        default="auto", description="time step divided by h/v. auto: 0.4", examples=["0.4"]
+        default="auto", description="time step divided by h/v. auto: 0.4 (paper: 0.2)", examples=["0.4"]
     )
     skin: Annotated[float | Auto, NumberRule(least=0.001, most=1, auto=True)] = Field(
         default="auto",
@@ -84,13 +86,13 @@ class IsphNumerics(NumericsBase):
         examples=["true"],
     )
     solver: Annotated[Literal["auto", "cg", "bicgstab"], ChoiceRule()] = Field(
-        default="auto", description="solver of the pressure equation. auto: cg", examples=["cg"]
+        default="auto", description="solver of the pressure equation. auto: cg (paper: bicgstab)", examples=["cg"]
     )
     preconditioner: Annotated[Literal["auto", "multigrid", "jacobi", "none"], ChoiceRule()] = Field(
-        default="auto", description="preconditioner of the solver. auto: multigrid", examples=["multigrid"]
+        default="auto", description="preconditioner of the solver. auto: multigrid (paper: none)", examples=["multigrid"]
     )
-    tolerance: Annotated[float, NumberRule(least=1e-14, most=0.1)] = Field(
-        default=1e-6, description="relative residual of the pressure equation", examples=["1e-6"]
+    tolerance: Annotated[float | Auto, NumberRule(least=1e-14, most=0.1, auto=True)] = Field(
+        default="auto", description="relative residual of the pressure equation. auto: 1e-6 (paper: 1e-3)", examples=["1e-6"]
     )
     maximum_iterations: Annotated[int, NumberRule(least=1, most=1_000_000, integer=True)] = Field(
         default=1000, description="iterations after which a solve is given up", examples=["1000"]

@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from warpsph.case.case import Case
     from warpsph.scene.geometry import Geometry
 
+PRINTED_STEP = 0.2  # both limits that are printed, over h/u and over rho h^2/mu
+PRINTED_SHIFT = 0.02
 COURANT = 0.4  # time step over h / largest speed; 0.25 is no more accurate
 # Explicit BDF2 with an extrapolated viscous term bears a third less than forward Euler.
 EXTRAPOLATED = 2.0 / 3.0
@@ -120,7 +122,7 @@ def derive(case: Case, geometry: Geometry, row_list: bool) -> Physics:
     _check_open(case, geometry, filled, str(gradient))
     form = choose("viscosity_form", "morris" if paper or filled else "radial", "right damping at a free surface")
     choose("smoothing_ratio", smoothing_ratio(case), "least noise")
-    shifting = choose("shifting", 16.0, "keeps the particles evenly spaced")
+    shifting = choose("shifting", PRINTED_SHIFT if paper else 16.0, "keeps the particles evenly spaced")
     choose("unlock", 0.0, "not needed")
     order = choose("time_order", 1 if paper else 2, "BDF2: energy of a stretching drop within 0.5 % instead of 1 %")
     choose("relaxed_divergence", not paper, "pressure without impulses where the surface changes")
@@ -128,13 +130,13 @@ def derive(case: Case, geometry: Geometry, row_list: bool) -> Physics:
     choose("surface_offset", 0.0 if paper else 0.5, "the surface is half a spacing outside of its particles")
     choose("volume_feedback", 0.0 if paper else 0.1, "keeps the volume in long runs")
     choose("surface_filter", 0.0 if paper else 1.0, "keeps a free surface smooth")
-    choose("courant", COURANT, "0.4 of a smoothing length a step")
-    choose("solver", "cg", "the matrix is symmetric")
-    choose("preconditioner", "multigrid", "its iterations do not grow with the scene")
+    choose("courant", PRINTED_STEP if paper else COURANT, "0.4 of a smoothing length a step")
+    choose("solver", "bicgstab" if paper else "cg", "the matrix is symmetric")
+    choose("preconditioner", "none" if paper else "multigrid", "its iterations do not grow with the scene")
+    choose("tolerance", 1e-3 if paper else 1e-6, "below what else is wrong")
     choose("skin", case.scheme.skin, "the list is made anew in every step")
     choices["kernel"] = numerics.kernel
     choices["maximum_step"] = numerics.maximum_step
-    choices["tolerance"] = numerics.tolerance
     choices["maximum_iterations"] = numerics.maximum_iterations
 
     h = float(choices["smoothing_ratio"]) * case.spacing
@@ -144,13 +146,13 @@ def derive(case: Case, geometry: Geometry, row_list: bool) -> Physics:
     viscosity = str(form) if viscous else "none"
     cap: dict[str, float] = {}
     force = float(np.linalg.norm(np.abs(forcing.ranges(forcing.gravity) + forcing.ranges(forcing.body_force)).max(axis=1)))
-    if force > 0:
+    if force > 0 and not paper:
         cap["gravity"] = 0.25 * math.sqrt(h / force)
     if numerics.maximum_step is not None:
         cap["maximum_step"] = float(numerics.maximum_step)
     explicit = math.inf
     if viscous:
-        limit = VISCOUS_LIMIT[viscosity] * (EXTRAPOLATED if int(order) == 2 else 1.0)
+        limit = PRINTED_STEP if paper else VISCOUS_LIMIT[viscosity] * (EXTRAPOLATED if int(order) == 2 else 1.0)
         explicit = limit * h * h * phase.density / phase.viscosity
     velocity = scales["velocity"]
     if case.has_flow_through and velocity > 0:
@@ -193,13 +195,14 @@ def derive(case: Case, geometry: Geometry, row_list: bool) -> Physics:
         wall_no_slip=viscous and bool((geometry.wall_slip[geometry.kind == 1] == 0).any()),
         viscosity=viscosity,
         corrected=gradient == "corrected",
+        printed=paper,
         gravity=bool(np.any(forcing.hydrostatic() != 0)),
         body_force=bool(np.any(forcing.driving() != 0)),
         varying_force=forcing.varying_force,
         varying_sides=forcing.varying_sides,
         moving=bool(forcing.tracks),
         central_force=case.central_force is not None,
-        shifting=float(shifting) > 0 or not filled,  # collisions at a free surface come with it
+        shifting=float(shifting) > 0 or not (filled or paper),  # collisions at a free surface come with it
         free_surface=not filled,
         scheme="isph",
         changing=case.has_flow_through,

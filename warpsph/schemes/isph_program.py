@@ -30,6 +30,13 @@ from warpsph.kernels.isph.open_projection import (
     make_side_velocity,
 )
 from warpsph.kernels.isph.pressure import make_accept, make_assemble, make_correct
+from warpsph.kernels.isph.printed_projection import (
+    make_printed_accept,
+    make_printed_assemble,
+    make_printed_correct,
+    make_printed_predict,
+    make_printed_shift,
+)
 from warpsph.kernels.isph.projection import make_advect, make_predict, make_settle
 from warpsph.kernels.isph.regularise import make_regularise
 from warpsph.kernels.isph.surface import make_surface
@@ -43,6 +50,14 @@ FIRST_PASSES = 8  # each leaves a tenth of the error
 def program(spec: Spec) -> Program:
     """Return what runs for a `Spec`; the list is made in the middle of a step."""
     measures: dict[str, list[Node]] = {**exponents(spec)}
+    if spec.printed:
+        return Program(
+            step=printed_step(spec),
+            start=[*signals(spec), BuildList("the first list")],
+            advance=advance(spec),
+            measures=measures,
+            keeps_list=spec.windows > 0,
+        )
     if spec.bodies:
         measures["wall_load"] = [
             Stage("wall_fit", make_wall_fit(spec, across=True), "wall", "wall-force gauge: fit of pressure and velocity"),
@@ -71,6 +86,24 @@ def step(spec: Spec) -> list[Node]:
         *friction(spec),
         *pressure(spec),
         *finish(spec),
+    ]
+
+
+def printed_step(spec: Spec) -> list[Node]:
+    """Return the nodes of one time step as the paper prints it, in order (theory: printed#qiu)."""
+    return [
+        *signals(spec),
+        *move(spec),
+        BuildList(),
+        Stage("predict", make_printed_predict(spec), "fluid", "velocity without pressure, eq (13); surface, eq (16)"),
+        Stage("assemble", make_printed_assemble(spec), "fluid", "pressure equation, eq (14)"),
+        Solve("solve", "pressure", "pressure that makes the velocity free of divergence"),
+        Stage("accept", make_printed_accept(spec), "fluid", "pressure from the solution"),
+        Stage("correct", make_printed_correct(spec), "fluid", "velocity of the end of the step, eq (15)"),
+        Stage("settle", make_settle(spec), "fluid", "positions from the mean of both velocities, eq (7)"),
+        Stage("regularise", make_printed_shift(spec), "fluid", "shift of the particles, eqs (20), (21)"),
+        *follow_shift(spec),
+        advance(spec),
     ]
 
 

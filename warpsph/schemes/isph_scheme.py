@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 from warpsph.errors import Problem
 from warpsph.schemes.flow_through import FlowThrough
 from warpsph.schemes.isph_numerics import IsphNumerics
+from warpsph.schemes.printed_form import printed_projection
 from warpsph.solvers.accuracy import attainable
 
 if TYPE_CHECKING:
@@ -50,9 +51,11 @@ class IsphScheme(FlowThrough):
             rule = "does not act with scheme: isph"
             yield Problem("surface_tension", len(case.surface_tension), rule, "write scheme: riemann, or delete it")
         least = attainable(case.precision)
-        if case.numerics.tolerance < least:
+        if case.numerics.tolerance != "auto" and case.numerics.tolerance < least:
             remedy = f"write at least {least:g}" + (", or precision: float64" if case.precision == "float32" else "")
             yield Problem("numerics.tolerance", case.numerics.tolerance, f"is out of reach in {case.precision}", remedy)
+        if case.numerics.formulation == "paper":
+            yield from printed_projection(case)
         for name, gauge in case.gauges.items():
             if gauge.type == "wall_force" and not case.bodies:
                 rule = "needs wall particles, which scheme: isph has at bodies alone"
@@ -125,10 +128,14 @@ class IsphScheme(FlowThrough):
 
     def set_clock(self, clock: np.ndarray, counters: np.ndarray, physics: Physics) -> None:
         """Leave sound and skin out of the step, whose list is made anew; let implicit viscosity limit it by accuracy."""
+        import math
+
         from warpsph.kernels.core import clock as ck
         from warpsph.schemes.isph_physics import CHANGE
 
         clock[ck.SKIN] = clock[ck.FARTHEST] = 1.0e30
+        if physics.spec.printed:
+            clock[ck.FORCE] = math.inf  # the printed limits know no acceleration
         if physics.spec.implicit_viscosity:
             clock[ck.VISCOUS_STEP], clock[ck.CHANGE] = physics.viscous_step, CHANGE
 

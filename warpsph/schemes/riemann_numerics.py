@@ -47,7 +47,7 @@ class RiemannNumerics(NumericsBase):
         examples=["0"],
     )
     courant: Annotated[float | Auto, NumberRule(above=0, most=2, auto=True)] = Field(
-        default="auto", description="time step divided by h/(c + v). auto: 0.5", examples=["0.5"]
+        default="auto", description="time step divided by h/(c + v). auto: 0.5 (paper: 1)", examples=["0.5"]
     )
     star_states: Annotated[Literal["auto", "weighted", "arithmetic"], ChoiceRule()] = Field(
         default="auto",

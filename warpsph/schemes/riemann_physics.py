@@ -142,7 +142,7 @@ def derive(case: Case, geometry: Geometry, row_list: bool = True) -> Physics:
     ringing = case.has_flow_through and corrected
     reason = "sound of a start between inlets and outlets dies out" if ringing else "not needed"
     damping = choose("acoustic_damping", DAMPING if ringing else 0.0, reason)
-    choose("courant", 0.5, "half of the measured limit of the leapfrog")
+    choose("courant", 1.0 if paper else 0.5, "printed value" if paper else "half of the measured limit of the leapfrog")
     choose("skin", case.scheme.skin, "measured optimum of sweeps and rebuilds")
     choices["kernel"] = numerics.kernel
     choices["maximum_step"] = numerics.maximum_step
@@ -184,6 +184,7 @@ def derive(case: Case, geometry: Geometry, row_list: bool = True) -> Physics:
         and (has_tension or any(gauge.type == "interface_length" for gauge in case.gauges.values())),
         corrected=corrected,
         paper_star=star == "arithmetic" and len(phases) > 1,
+        printed=paper,
         gravity=bool(np.any(forcing.hydrostatic() != 0)),
         body_force=bool(np.any(forcing.driving() != 0)),
         varying_force=forcing.varying_force,
@@ -326,6 +327,8 @@ def longest_wave(lengths: list[float], sound: list[float]) -> float:
 
 def step_limits(case: Case, spec: Spec, h: float, tension: np.ndarray) -> dict[str, float]:
     """Return the constant limits of the time step [s] by name (theory: riemann#a9)."""
+    if spec.printed:
+        return printed_limits(case, spec, h, tension)
     phases = [case.phases[name] for name in case.phase_names]
     limits: dict[str, float] = {}
     if spec.viscosity != "none":
@@ -347,6 +350,23 @@ def step_limits(case: Case, spec: Spec, h: float, tension: np.ndarray) -> dict[s
                     rho = 0.5 * (a.density + b.density)
                     limit = min(limit, 0.25 * math.sqrt(rho * h**3 / (2 * math.pi * tension[i, j])))
         limits["surface tension"] = limit
+    if case.numerics.maximum_step is not None:
+        limits["maximum_step"] = float(case.numerics.maximum_step)
+    return limits
+
+
+def printed_limits(case: Case, spec: Spec, h: float, tension: np.ndarray) -> dict[str, float]:
+    """Return the constant limits of the time step [s] by name, as printed: eqs (29) and (30) (theory: printed#yang).
+
+    0.125 rho h^2/mu and 0.5 sqrt(rho h^3/(2 pi sigma)), the least of the phases, each with its own density.
+    """
+    limits: dict[str, float] = {}
+    phases = [case.phases[name] for name in case.phase_names]
+    if spec.viscosity != "none":
+        limits["viscosity"] = min(0.125 * a.density * h * h / a.viscosity for a in phases if a.viscosity > 0)
+    if spec.tension != "none":
+        coefficient, rho = float(tension.max()), min(a.density for a in phases)
+        limits["surface tension"] = 0.5 * math.sqrt(rho * h**3 / (2 * math.pi * coefficient))
     if case.numerics.maximum_step is not None:
         limits["maximum_step"] = float(case.numerics.maximum_step)
     return limits
@@ -379,6 +399,8 @@ def friction_stages(case: Case, spec: Spec, limits: dict[str, float]) -> tuple[i
             rule = "needs walls that are sides of the domain or whole cells at rest: others answer friction with a fit"
             raise CaseError([Problem("numerics.viscous_stages", given, rule, "write auto or 1")])
         return (int(given) if spec.viscosity != "none" else 1), ""
+    if spec.printed:
+        return 1, ""
     if spec.viscosity == "none" or spec.bodies or spec.open_axis >= 0:
         return 1, "no viscosity, or bodies, inlets or outlets"
     return worth(longest / friction), f"explicit friction allows steps of {friction:.3g} s, all else of {longest:.3g} s"

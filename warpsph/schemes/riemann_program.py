@@ -6,6 +6,8 @@ pressure gradient, leapfrog with one continuity and one momentum sweep.
 
 from __future__ import annotations
 
+from typing import Any
+
 from warpsph.engine.program import Absent, BuildList, KeepList, Node, Program, Rarely, Stage
 from warpsph.kernels.core.clock import make_advance
 from warpsph.kernels.core.poses import MIDDLE, NEXT
@@ -19,6 +21,9 @@ from warpsph.kernels.riemann.interface import make_curvature, make_evened, make_
 from warpsph.kernels.riemann.interface_flow import make_interface_flow
 from warpsph.kernels.riemann.load import make_load
 from warpsph.kernels.riemann.momentum import make_momentum
+from warpsph.kernels.riemann.printed_load import make_printed_load
+from warpsph.kernels.riemann.printed_sweeps import make_printed_continuity, make_printed_momentum
+from warpsph.kernels.riemann.printed_tension import make_printed_colour, make_printed_curvature, make_printed_normal
 from warpsph.kernels.riemann.relaxation import make_relaxation
 from warpsph.kernels.riemann.volume import make_volume
 from warpsph.schemes.map_stages import exponents, follow_shift, windows
@@ -47,6 +52,8 @@ def program(spec: Spec) -> Program:
 
 def step(spec: Spec) -> list[Node]:
     """Return the nodes of one time step, in order."""
+    if spec.printed:
+        return printed_step(spec)
     rare = [*constraints(spec), *tension(spec)]
     return [
         *signals(spec),
@@ -67,6 +74,22 @@ def step(spec: Spec) -> list[Node]:
         *viscous_stages(spec),
         *follow_shift(spec),
         *sponge(spec),
+        advance(spec),
+        KeepList(),
+    ]
+
+
+def printed_step(spec: Spec) -> list[Node]:
+    """Return the nodes of one time step as the paper prints it, in order (theory: printed#yang)."""
+    return [
+        *signals(spec),
+        *moving_sides(spec),
+        *windows(spec),
+        Stage("kick_drift", make_kick_drift(spec), "fluid", "moves the particles"),
+        Stage("continuity", make_printed_continuity(spec), "fluid", "density and pressure, eq (13)"),
+        *walls(spec),
+        *tension(spec),
+        Stage("momentum", make_printed_momentum(spec), "fluid", "acceleration, eq (27)"),
         advance(spec),
         KeepList(),
     ]
@@ -102,10 +125,15 @@ def start(spec: Spec) -> list[Node]:
         *walls(spec, across=spec.wall_sound),
         *tension(spec),
         *buffer_gradient(spec, spec.bodies and spec.corrected),
-        Stage("momentum", make_momentum(spec), "fluid", "first acceleration"),
+        Stage("momentum", momentum(spec), "fluid", "first acceleration"),
         *viscous_stages(spec),
         *follow_shift(spec),
     ]
+
+
+def momentum(spec: Spec) -> Any:
+    """Return the momentum sweep, the printed one where it is asked for."""
+    return make_printed_momentum(spec) if spec.printed else make_momentum(spec)
 
 
 def state(spec: Spec) -> Stage:
@@ -135,6 +163,8 @@ def geometry(spec: Spec) -> list[Stage]:
 
 def wall_load(spec: Spec) -> list[Stage]:
     """Return the stages that a wall-force gauge runs: the force on each wall particle."""
+    if spec.printed:
+        return [Stage("wall_load", make_printed_load(spec), "wall", "wall-force gauge")]
     if spec.bodies and spec.corrected:
         return surface_load(spec)
     return [Stage("wall_load", make_load(spec), "wall", "wall-force gauge")]
@@ -151,6 +181,12 @@ def tension(spec: Spec) -> list[Stage]:
     """Return the stages that find the curvature of the interfaces."""
     if spec.tension == "none":
         return []
+    if spec.printed:
+        return [
+            Stage("colour", make_printed_colour(spec), "fluid", "smoothed colour, below eq (21)"),
+            Stage("colour_normal", make_printed_normal(spec), "fluid", "interface normals, eq (21)"),
+            Stage("curvature", make_printed_curvature(spec), "fluid", "interface curvature, eq (23)"),
+        ]
     stages = [
         Stage("own_fraction", make_fraction(spec), "band", "colour for the surface tension"),
         Stage("colour_normal", make_normal(spec), "band", "interface normals"),

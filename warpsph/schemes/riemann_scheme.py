@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from warpsph.errors import Problem
 from warpsph.schemes.flow_through import FlowThrough, held_volume
+from warpsph.schemes.printed_form import printed_form
 from warpsph.schemes.riemann_numerics import RiemannNumerics
 
 if TYPE_CHECKING:
@@ -54,6 +55,8 @@ class RiemannScheme(FlowThrough):
         if stages != "auto" and stages > 1 and case.has_flow_through:
             rule = "knows no inlets and outlets: what a buffer does is not friction's to change"
             yield Problem("numerics.viscous_stages", stages, rule, "write auto or 1")
+        if case.numerics.formulation == "paper":
+            yield from printed_form(case)
         yield from held_volume(case)
 
     def derive(self, case: Any, geometry: Geometry, row_list: bool) -> Physics:
@@ -114,5 +117,7 @@ class RiemannScheme(FlowThrough):
         from warpsph.kernels.core import clock as ck
 
         clock[ck.SOUND] = physics.acoustic
+        if physics.spec.printed:
+            clock[ck.FORCE] = math.inf  # the printed limits know no acceleration
         clock[ck.RARE_LIMIT] = RARE_WAY * physics.h
         clock[ck.RARE_CAP] = physics.step_cap.get("surface tension", math.inf)
