@@ -94,22 +94,31 @@ def scaled(value: ast.expr, factor: float) -> ast.expr:
     return ast.copy_location(product, value)
 
 
-def changed_source(source: str, name: str, factor: float) -> ast.Module:
-    """The syntax tree of a module whose constant `name` is `factor` times as large. Raises LookupError if it has none."""
-    tree = ast.parse(source)
+def assigned(tree: ast.Module, name: str) -> ast.expr:
+    """The expression that a module gives to `name` at its head. Raises LookupError if there is none."""
     for node in tree.body:
         if not isinstance(node, ast.Assign):
             continue
         (target,) = node.targets
         if isinstance(target, ast.Name) and target.id == name:
-            node.value = scaled(node.value, factor)
-            return ast.fix_missing_locations(tree)
+            return node.value
         if isinstance(target, ast.Tuple) and isinstance(node.value, ast.Tuple):
-            for position, part in enumerate(target.elts):
+            for part, value in zip(target.elts, node.value.elts, strict=True):
                 if isinstance(part, ast.Name) and part.id == name:
-                    node.value.elts[position] = scaled(node.value.elts[position], factor)
-                    return ast.fix_missing_locations(tree)
+                    return value
     raise LookupError(f"no constant {name} is assigned at the head of the module")
+
+
+def changed_source(source: str, name: str, factor: float) -> ast.Module:
+    """The syntax tree of a module whose constant `name` is `factor` times as large. Raises LookupError if it has none."""
+    tree = ast.parse(source)
+    value = assigned(tree, name)
+
+    class Replace(ast.NodeTransformer):
+        def visit(self, node: ast.AST) -> ast.AST:
+            return scaled(value, factor) if node is value else self.generic_visit(node)
+
+    return ast.fix_missing_locations(Replace().visit(tree))
 
 
 class ChangedLoader(importlib.machinery.SourceFileLoader):
@@ -121,7 +130,8 @@ class ChangedLoader(importlib.machinery.SourceFileLoader):
 
     def get_code(self, fullname: str) -> CodeType:
         source = Path(self.path).read_text(encoding="utf-8")
-        code: CodeType = compile(changed_source(source, *self.changes), self.path, "exec")
+        # not with the annotations of this file's __future__: Warp reads those of a kernel as objects
+        code: CodeType = compile(changed_source(source, *self.changes), self.path, "exec", dont_inherit=True)
         return code
 
 
