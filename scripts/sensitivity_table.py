@@ -5,6 +5,7 @@ Of each constant and factor the table tells one error, the one that moves most o
     not measured      the record has not all the runs
     no change         every error of every run is the same to the last digit
     within noise      no error with a limit moves by more than the noise that the level ci has on record for it
+    slight            one does, but none by 1 % of its limit
     A: e1 -> e2       run and quantity, the error as it is and with the constant changed, in bold where it moves by more than
                       its limit or the run does not end
 """
@@ -24,6 +25,8 @@ from sensitivity import FACTORS, ROOT, Constant, Job, assigned  # noqa: E402
 from sensitivity import constants as listed  # noqa: E402
 
 NOISE = ROOT / "benchmarks" / "baseline_ci.json"
+SLIGHT = 0.01
+"""Change of an error, over its limit, below which the table has no numbers."""
 
 
 @dataclass(frozen=True)
@@ -82,7 +85,10 @@ def effect(entry: Constant, factor: float, jobs: Mapping[str, Any], noise: Mappi
     if same:
         return "no change"
     beyond = [move for move in found if abs(move.after - move.before) > move.noise]
-    return max(beyond, key=lambda move: move.share).text if beyond else "within noise"
+    if not beyond:
+        return "within noise"
+    largest = max(beyond, key=lambda move: move.share)
+    return largest.text if largest.share >= SLIGHT else "slight"
 
 
 def value_of(name: str) -> str:

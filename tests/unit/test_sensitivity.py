@@ -130,6 +130,7 @@ def test_what_the_table_tells_of_a_constant():
     assert sensitivity_table.effect(ENTRY, 2.0, {}, NOISE) == "not measured"
     assert told(0.01) == "no change"
     assert told(0.0105) == "within noise"
+    assert told(0.0111, allowed=0.2) == "slight"
     assert told(0.02) == "case/1, drag: 1 → 2 %"
     assert told(-0.02) == "**case/1, drag: 1 → -2 %**"  # moves by 3 % where 2 % are allowed
     assert told(0.01, "DivergenceError") == "**case/1: DivergenceError**"
