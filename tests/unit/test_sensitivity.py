@@ -84,6 +84,22 @@ def test_what_cannot_be_changed_is_refused():
         sensitivity.change("warpsph.case.case_file.A", 2.0)
 
 
+@pytest.mark.parametrize("entry", LISTED, ids=lambda entry: entry.name)
+def test_each_module_can_be_imported_with_its_constant_changed(entry, monkeypatch):
+    module, _, name = entry.name.rpartition(".")
+    plain = importlib.import_module(module)
+    finder = sensitivity.ChangedFinder(entry.name, 2.0)
+    spec = finder.find_spec(module, sys.modules[module.rpartition(".")[0]].__path__)
+    changed = importlib.util.module_from_spec(spec)
+    monkeypatch.setitem(sys.modules, module, changed)  # structs and dataclasses look their module up
+    spec.loader.exec_module(changed)
+    values = vars(changed)[name], vars(plain)[name]
+    if isinstance(values[0], dict):
+        assert values[0] == {key: 2 * value for key, value in values[1].items()}
+    else:
+        assert values[0] == 2 * values[1] and type(values[0]) is type(values[1])
+
+
 OPTIONS = argparse.Namespace(device="cpu", limit=300.0)
 
 
