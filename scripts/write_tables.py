@@ -15,6 +15,7 @@ A table stands between two marks, each a line of its own, anywhere in README.md 
     validation_h200                    every row of the records of the H200, with its value and reference
     commands_h200                      the commands of these records
     speed_cpu, speed_h200              million particle-steps a second
+    constants                          constants that are not derived, and what half and double of each changes
 
 What stands between the marks is made from the records alone: no row is chosen by hand, and a limit that is missed is said
 in the row. Of several records of one run the newest counts. Limits are those of the case file as it is; a row that was
@@ -41,6 +42,9 @@ from warpsph.study import baseline
 from warpsph.study.comparison import definition_of
 from warpsph.study.reference_files import known_curve
 from warpsph.study.validation import find_cases, runs_of
+
+sys.path.insert(0, str(Path(__file__).resolve().parent))  # not there where Python runs with -P, or a test loads this file
+import sensitivity_table  # noqa: E402
 
 ROOT = Path(__file__).resolve().parents[1]
 BENCHMARKS = ROOT / "benchmarks"
@@ -400,6 +404,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "commands_h200": commands_h200,
     "speed_cpu": speed_cpu,
     "speed_h200": speed_h200,
+    "constants": lambda: table(*sensitivity_table.constants(BENCHMARKS / "sensitivity.json")),
 }
 
 

@@ -17,6 +17,7 @@ from .riemann_states import make_acoustic_states, make_exact_states
 # Jump of a pair, over its pressure, below which the acoustic star state is as good as the exact one: its error is of the
 # second order in the jump, a part in a million of the pressure. Most pairs of most flows are below.
 WEAK = 1.0e-3
+CLOSE = 0.01  # of h^2, added to r^2 so that the viscosity of a pair that touches stays finite (Monaghan 1992)
 SLOTS = 64  # of the array that the largest signal rate is gathered in
 
 
@@ -88,7 +89,7 @@ def make_viscous_exchange(spec: Spec) -> Any:
 
     @wp.func
     def viscosity(closing: real, r: real, h: real, rho: real, c: real, alpha: real, beta: real):
-        mu = h * closing * r / (r * r + real(0.01) * h * h)  # positive where the pair closes in
+        mu = h * closing * r / (r * r + real(CLOSE) * h * h)  # positive where the pair closes in
         return (alpha * c * mu + beta * mu * mu) / rho
 
     return viscosity

@@ -50,6 +50,7 @@ from warpsph.kernels.core.weights import make_weights
 # surface it is 0.6, at a right-angled edge 0.36.
 SMALLEST_MOMENT = 0.45
 PAIRING = 0.2  # extra weight (W/W(dx))^4 of near particles in the shift: sum grad W alone is even for pairs (Lind 2012)
+FILLED = 0.9  # spread, of the dimension, above which friction is divided by it: a particle with neighbours on all sides
 CLOSEST = 0.4  # distance to which a particle may come to a wall, in spacings; a resting row has 0.5
 
 
@@ -299,7 +300,7 @@ def make_predict(spec: Spec) -> Any:
                 linear = shear * even
                 if wp.static(spec.viscosity == "radial"):
                     linear = linear + wp.transpose(shear) * even + wp.trace(shear) * even
-                if spread[i] > real(wp.static(0.9 * dimension)):
+                if spread[i] > real(wp.static(FILLED * dimension)):
                     viscous_sum = (viscous_sum - real(2.0) * linear) * (real(dimension) / spread[i])
             a += viscous_sum * (phases[0].viscosity / phases[0].density * g_norm)
         if wp.static(spec.open_axis >= 0):

@@ -23,6 +23,10 @@ from warpsph.kernels.core.params import make_params
 from warpsph.kernels.core.smoothing import KERNELS, make_smoothing
 from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, types, types_of
 
+# Sine of the angle between interface and wall below which the prescribed normal fades out: an interface along the wall is
+# that of a film and does not meet the wall here; the direction in which it leans is noise.
+LEANING = 0.2
+
 
 @functools.cache
 def make_wall_normal(dimension: int, precision: str) -> Any:
@@ -32,9 +36,6 @@ def make_wall_normal(dimension: int, precision: str) -> Any:
     share: f, 0 at the wall, 1 out of its reach.
     """
     real, vec, _, _ = types(dimension, precision)
-    # sine of the angle between interface and wall below which the prescribed normal fades out: an interface along the wall
-    # is that of a film and does not meet the wall here; the direction in which it leans is noise
-    leaning = 0.2
 
     @wp.func
     def wall_normal(unit: vec, wall: vec, cosine: real, share: real):
@@ -44,7 +45,7 @@ def make_wall_normal(dimension: int, precision: str) -> Any:
         if size > real(1.0e-6):
             sine = wp.sqrt(wp.max(real(1.0) - cosine * cosine, real(0.0)))
             prescribed = along * (sine / size) + wall * cosine
-            weight = (real(1.0) - share) * wp.min(size / real(leaning), real(1.0))
+            weight = (real(1.0) - share) * wp.min(size / real(LEANING), real(1.0))
             result = wp.normalize((real(1.0) - weight) * unit + weight * prescribed)
         return result
 

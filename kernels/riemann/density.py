@@ -24,6 +24,7 @@ from .star import make_jump, make_star
 
 PRESSED = 1.1  # density over that at rest from which on the impedance follows it
 LOUDEST = 0.01  # of rho c^2, the pressure of compression that sound speeds are made for: damping goes up to it
+SPARSE = 0.4  # of the dimension, which -sum F V r^2 is inside a fluid: fewer neighbours than a particle on a surface has
 STIFFEST = 1.5  # rate, over a step, at which the pressure of a particle may follow that of its neighbours
 
 
@@ -110,7 +111,7 @@ def make_continuity(spec: Spec) -> Any:
     sided = spec.multiphase and not spec.paper_star
     linear = spec.bodies and spec.corrected  # exact for a linear velocity and pressure on any arrangement
     rate_at_bodies = make_body_flow(spec)
-    sparse = 0.4 * spec.dimension  # of `crowd`: fewer neighbours than a particle on a free surface has
+    sparse = SPARSE * spec.dimension
 
     @wp.kernel(module="unique", enable_backward=False, module_options=SWEEP_OPTIONS)
     def continuity(

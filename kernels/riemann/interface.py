@@ -23,6 +23,10 @@ from warpsph.kernels.core.params import make_params, make_phase
 from warpsph.kernels.core.smoothing import KERNELS, make_smoothing
 from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, types_of
 
+FAINTEST = 0.01  # |n| h below which a particle has no normal
+SMALLEST_MOMENT = 0.02  # determinant below which the divergence of the normals is not corrected
+SHARPEST = 2.0  # largest curvature, times h
+
 
 @functools.cache
 def make_fraction(spec: Spec) -> Any:
@@ -142,7 +146,7 @@ def make_normal(spec: Spec) -> Any:
         n = n * params.g_norm
         strength = wp.length(n) * params.h
         weight = strength * strength
-        if strength < real(0.01):
+        if strength < real(FAINTEST):
             weight = real(0.0)
         normal[i] = n
         interface_weight[i] = weight
@@ -159,7 +163,6 @@ def make_curvature(spec: Spec) -> Any:
     separation = separation_of(spec)
     list_begin, list_step, neighbour, Listed = list_access(spec)
     d_real = float(spec.dimension)
-    smallest_moment = 0.02
 
     @wp.kernel(module="unique", enable_backward=False, module_options=SWEEP_OPTIONS)
     def interface_curvature(
@@ -208,11 +211,11 @@ def make_curvature(spec: Spec) -> Any:
                     moment -= f * wp.outer(d, d)
                     # normals point into the own phase; kappa is the divergence of the opposite direction
                     spread += f * wp.outer(d, unit_i - unit_j)
-            if wp.determinant(moment) > real(smallest_moment):
+            if wp.determinant(moment) > real(SMALLEST_MOMENT):
                 kappa = wp.trace(wp.inverse(moment) * spread)
             else:
                 kappa = real(d_real) * wp.trace(spread) / wp.max(wp.trace(moment), real(1.0e-6))
-            limit = real(2.0) * params.inv_h
+            limit = real(SHARPEST) * params.inv_h
             kappa = wp.clamp(kappa, -limit, limit)
         curvature[i] = kappa
 
@@ -300,7 +303,7 @@ def make_evened(spec: Spec, sharp: bool) -> Any:
                         mean += side * w * curvature[j]
             mean = mean / total
         if wp.static(sharp):
-            limit = real(2.0) * params.inv_h
+            limit = real(SHARPEST) * params.inv_h
             curvature[i] = wp.clamp(real(2.0) * own_value - mean, -limit, limit)
         else:
             mean_curvature[i] = mean

@@ -19,6 +19,12 @@ from warpsph.kernels.core.params import make_params
 from warpsph.kernels.core.smoothing import make_smoothing
 from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, types_of
 
+# Root 1/d of the determinant of the own phase's moment, 1 inside a fluid, 0.5 at a flat surface. Below the first the
+# gradient fades, below the second it is zero: a drop of a few particles moves as one.
+FULL, NONE = 0.3, 0.15
+# |sum_other grad W V| over sum_other |grad W V|, 0.6 to 1 at a flat interface: below, no one side faces the other phases.
+CLEAR = 0.3
+
 
 @functools.cache
 def make_interface_flow(spec: Spec) -> Any:
@@ -28,11 +34,7 @@ def make_interface_flow(spec: Spec) -> Any:
     _, slope = make_smoothing(spec.kernel, spec.precision)
     separation = separation_of(spec)
     list_begin, list_step, neighbour, Listed = list_access(spec)
-    # Determinant of the own phase's moment: 1 inside a fluid, 0.5^d at a flat surface. Below the first the gradient fades,
-    # below the second it is zero: a drop of a few particles moves as one.
-    full, none = 0.3**spec.dimension, 0.15**spec.dimension
-    # |sum_other grad W V| over sum_other |grad W V|, 0.6 to 1 at a flat interface: below, no one side faces the other phases
-    clear = 0.3
+    full, none = FULL**spec.dimension, NONE**spec.dimension
 
     @wp.kernel(module="unique", enable_backward=False, module_options=SWEEP_OPTIONS)
     def interface_flow(
@@ -97,7 +99,7 @@ def make_interface_flow(spec: Spec) -> Any:
                 gradient = gradient * ((determinant - real(none)) / real(full - none))
         velocity_gradient[i] = gradient
         strength = wp.length(others)
-        if strength > real(clear) * all_others:
+        if strength > real(CLEAR) * all_others:
             facing[i] = others / strength
         else:
             facing[i] = vec()

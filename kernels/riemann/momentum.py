@@ -39,6 +39,15 @@ from .star import make_jump, make_one_sided, make_star
 
 # Gaps [spacings] at which a particle begins to touch a wall, half of the place of its row, and at which it is stopped.
 TOUCH, STOP = 0.25, 0.1
+# Share of the acoustic impact pressure Z_i Z_j/(Z_i + Z_j) (u_i - u_j): all of it is stable up to dt = 1.05 h/c alone
+# (theory: riemann#a9), and the light particle of a pair takes it twice over.
+IMPACT_SHARE = 0.25
+# How much more than its volume a particle of another phase counts for the shift. At rest nothing else holds two phases
+# apart: pressure and jump are in balance for any arrangement, and noise would mix them (measured on a drop of density
+# ratio 1 in a nearly inviscid fluid, 6 particles a radius: dispersed without, whole from 0.1 on). More of it opens the
+# interface: 0.25 adds 1 % to the jump of a drop of 13 particles a radius.
+APART = 0.1
+SMALLEST_MOMENT = 0.1  # determinant below which a neighbourhood is too thin to correct
 
 
 @functools.cache
@@ -61,15 +70,6 @@ def make_momentum(spec: Spec) -> Any:
     body_tension = spec.tension == "body_force"
     dimension = float(spec.dimension)
     sided = spec.multiphase and not spec.paper_star
-    # Share of the acoustic impact pressure Z_i Z_j/(Z_i + Z_j) (u_i - u_j): all of it is stable up to dt = 1.05 h/c alone
-    # (theory: riemann#a9), and the light particle of a pair takes it twice over.
-    impact_share = 0.25
-    # How much more than its volume a particle of another phase counts for the shift. At rest nothing else holds two phases
-    # apart: pressure and jump are in balance for any arrangement, and noise would mix them (measured on a drop of density
-    # ratio 1 in a nearly inviscid fluid, 6 particles a radius: dispersed without, whole from 0.1 on). More of it opens the
-    # interface: 0.25 adds 1 % to the jump of a drop of 13 particles a radius.
-    apart = 0.1
-    smallest_moment = 0.1  # determinant below which a neighbourhood is too thin to correct
 
     @wp.kernel(module="unique", enable_backward=False, module_options=SWEEP_OPTIONS)
     def momentum(
@@ -208,7 +208,7 @@ def make_momentum(spec: Spec) -> Any:
                                 own_sum += (state_j[0] - p_i) * fd
                     else:
                         if wp.static(spec.shifting):
-                            even += real(apart) * fd
+                            even += real(APART) * fd
                         other = phases[other_phase]
                         jump = real(0.0)
                         if wp.static(jumps):
@@ -223,7 +223,7 @@ def make_momentum(spec: Spec) -> Any:
                             alone = wp.clamp(real(1.0) + real(2.0) * wp.dot(facing[i], facing[j]), real(0.0), real(2.0))
                             z = own.impedance * other.impedance / (own.impedance + other.impedance)
                             impact = wp.dot(vi - velocity[j], d) / wp.sqrt(r2 + params.tiny)
-                            p_star -= (real(impact_share) * alone) * z * impact
+                            p_star -= (real(IMPACT_SHARE) * alone) * z * impact
                         if wp.static(spec.corrected):
                             p_star -= p_i
                         pressure_sum += (real(2.0) * p_star) * fd
@@ -386,7 +386,7 @@ def make_momentum(spec: Spec) -> Any:
             total = (pressure_sum + own_sum) * g_norm
             m = moment * g_norm
             usable = bool(False)
-            if wp.determinant(m) > real(smallest_moment):
+            if wp.determinant(m) > real(SMALLEST_MOMENT):
                 usable = bool(True)
                 inverse = wp.inverse(m)
                 total = inverse * total

@@ -11,6 +11,8 @@ import warp as wp
 
 from warpsph.kernels.core.spec import types
 
+EDGE = 1.0e-4  # dimensionless length of `into_wall` up to which a wall is hardly in reach and has no normal yet
+
 
 class StarStates(NamedTuple):
     """`wp.func`s of one formulation: velocity [m/s] and pressure [Pa] between two particles."""
@@ -94,13 +96,12 @@ def make_one_sided(dimension: int, precision: str) -> OneSided:
     own_even.into_wall > -|into_wall|^2/2.
     """
     real, vec, _, _ = types(dimension, precision)
-    edge = 1.0e-4  # a wall that is hardly in reach has no normal yet
 
     @wp.func
     def alone_at_wall(into_wall: vec, own_even: vec, norm: real):
         result = real(0.0)
         size2 = wp.dot(into_wall, into_wall)
-        if size2 * norm * norm > real(edge * edge):
+        if size2 * norm * norm > real(EDGE * EDGE):
             missing = real(2.0) + real(2.0) * wp.dot(own_even, into_wall) / size2
             result = wp.clamp(missing, real(0.0), real(1.0))
         return result

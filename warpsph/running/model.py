@@ -48,6 +48,8 @@ if TYPE_CHECKING:
     from warpsph.case.case import Case
     from warpsph.scene.wall_cells import Surroundings
 
+FALL = 0.25  # time step over sqrt(h/a), a the largest acceleration
+
 
 def quiet_warp(device: str = "cpu") -> None:
     """Start Warp without its banner and compile lines; a missing CUDA driver is told if the device needs one."""
@@ -292,7 +294,7 @@ class Model:
         clock = np.zeros(ck.CLOCK_SIZE)
         clock[ck.STEP_CAP] = min(physics.step_cap.values(), default=math.inf)
         clock[ck.COURANT] = float(physics.choices["courant"]) * physics.h
-        clock[ck.FORCE] = 0.25 * math.sqrt(physics.h)
+        clock[ck.FORCE] = FALL * math.sqrt(physics.h)
         clock[ck.SKIN] = skin * physics.support
         clock[ck.FARTHEST] = 0.25 * (1.0 + skin) * physics.support
         clock[ck.CHECK_LASTS] = -1.0

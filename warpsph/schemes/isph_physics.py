@@ -35,6 +35,9 @@ WORTH = 2.0
 # Longest step beside bodies over h^2/nu. Of what the pressure lacks at the scale of h a share h^2/(nu dt) comes in a step:
 # through cylinders in Stokes flow the force on one is 7 % off with steps of 30 h^2/nu, and as with short steps with 8.
 LAG = 8.0
+SHIFTING = 16.0  # shift of a step over h^2 |grad u| dt sum grad W V, as of the Riemann scheme
+FEEDBACK = 0.1  # divergence over E u_max/h that draws the volume back, E the density excess
+FALL = 0.25  # time step over sqrt(h/g), the time scale of a fall by h
 
 
 def row_shares(spec: Spec, ratio: float) -> tuple[float, float]:
@@ -122,13 +125,13 @@ def derive(case: Case, geometry: Geometry, row_list: bool) -> Physics:
     _check_open(case, geometry, filled, str(gradient))
     form = choose("viscosity_form", "morris" if paper or filled else "radial", "right damping at a free surface")
     choose("smoothing_ratio", smoothing_ratio(case), "least noise")
-    shifting = choose("shifting", PRINTED_SHIFT if paper else 16.0, "keeps the particles evenly spaced")
+    shifting = choose("shifting", PRINTED_SHIFT if paper else SHIFTING, "keeps the particles evenly spaced")
     choose("unlock", 0.0, "not needed")
     order = choose("time_order", 1 if paper else 2, "BDF2: energy of a stretching drop within 0.5 % instead of 1 %")
     choose("relaxed_divergence", not paper, "pressure without impulses where the surface changes")
     choose("deferred_correction", not paper, "pressure equation exact for a linear pressure on any arrangement")
     choose("surface_offset", 0.0 if paper else 0.5, "the surface is half a spacing outside of its particles")
-    choose("volume_feedback", 0.0 if paper else 0.1, "keeps the volume in long runs")
+    choose("volume_feedback", 0.0 if paper else FEEDBACK, "keeps the volume in long runs")
     choose("surface_filter", 0.0 if paper else 1.0, "keeps a free surface smooth")
     choose("courant", PRINTED_STEP if paper else COURANT, "0.4 of a smoothing length a step")
     choose("solver", "bicgstab" if paper else "cg", "the matrix is symmetric")
@@ -147,7 +150,7 @@ def derive(case: Case, geometry: Geometry, row_list: bool) -> Physics:
     cap: dict[str, float] = {}
     force = float(np.linalg.norm(np.abs(forcing.ranges(forcing.gravity) + forcing.ranges(forcing.body_force)).max(axis=1)))
     if force > 0 and not paper:
-        cap["gravity"] = 0.25 * math.sqrt(h / force)
+        cap["gravity"] = FALL * math.sqrt(h / force)
     if numerics.maximum_step is not None:
         cap["maximum_step"] = float(numerics.maximum_step)
     explicit = math.inf

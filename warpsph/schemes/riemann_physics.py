@@ -67,6 +67,8 @@ QUIET = 0.25
 # Bulk viscosity over rho c h: double of it damps little more, four times as much is beyond what walls with a fit bear
 # (docs/records/open_boundaries.md).
 DAMPING = 0.25
+COURANT = 0.5  # time step over h/(c + u): half of the measured limit of the leapfrog (theory: riemann#a9)
+CAPILLARY = 0.25  # time step over sqrt(rho h^3/(2 pi sigma)), the time scale of capillary waves of the length of h
 
 
 def derive(case: Case, geometry: Geometry, row_list: bool = True) -> Physics:
@@ -142,7 +144,7 @@ def derive(case: Case, geometry: Geometry, row_list: bool = True) -> Physics:
     ringing = case.has_flow_through and corrected
     reason = "sound of a start between inlets and outlets dies out" if ringing else "not needed"
     damping = choose("acoustic_damping", DAMPING if ringing else 0.0, reason)
-    choose("courant", 1.0 if paper else 0.5, "printed value" if paper else "half of the measured limit of the leapfrog")
+    choose("courant", 1.0 if paper else COURANT, "printed value" if paper else "half of the measured limit of the leapfrog")
     choose("skin", case.scheme.skin, "measured optimum of sweeps and rebuilds")
     choices["kernel"] = numerics.kernel
     choices["maximum_step"] = numerics.maximum_step
@@ -348,7 +350,7 @@ def step_limits(case: Case, spec: Spec, h: float, tension: np.ndarray) -> dict[s
                 if i != j and tension[i, j] > 0:
                     # capillary waves move both phases
                     rho = 0.5 * (a.density + b.density)
-                    limit = min(limit, 0.25 * math.sqrt(rho * h**3 / (2 * math.pi * tension[i, j])))
+                    limit = min(limit, CAPILLARY * math.sqrt(rho * h**3 / (2 * math.pi * tension[i, j])))
         limits["surface tension"] = limit
     if case.numerics.maximum_step is not None:
         limits["maximum_step"] = float(case.numerics.maximum_step)
