@@ -31,6 +31,7 @@ BOX = {
         {"phase": "heavy", "shape": "rest"},
     ],
     "start": {"noise": 0.1, "arrangement": "lattice"},
+    "numerics": {"acoustic_relaxation": 0},
 }
 
 
