@@ -17,10 +17,13 @@ from .spec import types
 
 @dataclasses.dataclass(frozen=True)
 class SmoothingKernel:
-    """Constants of a kernel: support radius over h, and alpha for one, two and three dimensions."""
+    """Constants of a kernel: support radius over h; for one, two and three dimensions alpha and the variance of W along an
+    axis over h^2, the integral of W x^2.
+    """
 
     support: float
     alpha: tuple[float, float, float]
+    variance: tuple[float, float, float]
 
 
 def _gaussian_alpha() -> tuple[float, float, float]:
@@ -33,19 +36,29 @@ def _gaussian_alpha() -> tuple[float, float, float]:
     return 1 / one, 1 / two, 1 / three
 
 
+def _gaussian_variance() -> tuple[float, float, float]:
+    """Variances of exp(-q^2) - exp(-9), cut at q = 3, along an axis, from the integrals of q^n times it."""
+    e9 = math.exp(-9.0)
+    moments = [math.sqrt(math.pi) / 2 * math.erf(3.0), (1 - e9) / 2]
+    for n in range(2, 5):
+        moments.append(((n - 1) * moments[n - 2] - 3.0 ** (n - 1) * e9) / 2)
+    cut = [moment - e9 * 3.0 ** (n + 1) / (n + 1) for n, moment in enumerate(moments)]
+    return cut[2] / cut[0], cut[3] / cut[1] / 2, cut[4] / cut[2] / 3
+
+
 PI = math.pi
 KERNELS: dict[str, SmoothingKernel] = {
     # (2-q)^4 (1+2q)
-    "wendland_c2": SmoothingKernel(2.0, (3 / 64, 7 / (64 * PI), 21 / (256 * PI))),
+    "wendland_c2": SmoothingKernel(2.0, (3 / 64, 7 / (64 * PI), 21 / (256 * PI)), (2 / 7, 5 / 18, 4 / 15)),
     # (1-s)^6 (1 + 6s + 35/3 s^2), s = q/2
-    "wendland_c4": SmoothingKernel(2.0, (27 / 32, 9 / (4 * PI), 495 / (256 * PI))),
+    "wendland_c4": SmoothingKernel(2.0, (27 / 32, 9 / (4 * PI), 495 / (256 * PI)), (12 / 55, 7 / 33, 8 / 39)),
     # (1-s)^8 (1 + 8s + 25s^2 + 32s^3), s = q/2
-    "wendland_c6": SmoothingKernel(2.0, (15 / 16, 78 / (28 * PI), 1365 / (512 * PI))),
-    "cubic": SmoothingKernel(2.0, (2 / 3, 10 / (7 * PI), 1 / PI)),
+    "wendland_c6": SmoothingKernel(2.0, (15 / 16, 78 / (28 * PI), 1365 / (512 * PI)), (16 / 91, 6 / 35, 1 / 6)),
+    "cubic": SmoothingKernel(2.0, (2 / 3, 10 / (7 * PI), 1 / PI), (1 / 3, 31 / 98, 3 / 10)),
     # 1/(120 pi) in 3-D; the often reprinted 3/(359 pi) is 0.28 % too large
-    "quintic": SmoothingKernel(3.0, (1 / 120, 7 / (478 * PI), 1 / (120 * PI))),
+    "quintic": SmoothingKernel(3.0, (1 / 120, 7 / (478 * PI), 1 / (120 * PI)), (1 / 2, 2771 / 5736, 7 / 15)),
     # cut at 3h and shifted to be continuous there
-    "gaussian": SmoothingKernel(3.0, _gaussian_alpha()),
+    "gaussian": SmoothingKernel(3.0, _gaussian_alpha(), _gaussian_variance()),
 }
 
 

@@ -6,7 +6,8 @@ Everything is seen from a particle's own phase, so that any number of phases nee
     kappa_i     = div(-n/|n|) = tr(M^-1 D)                            positive where the own phase is convex
 The curvature at a particle follows from the places of the *other* particles, mostly those across the interface. Used as it
 is, it drives the first rows of both sides apart, at any density ratio (docs/records/tension.md). So it is made the same on
-both sides, and what that smooths of it along the interface is put back (`make_evened`).
+both sides (`make_evened`). Two errors of the order h^2 are taken out: what the bend of the interface adds
+(`make_straightened`), and what is smoothed along it (`sharpness`).
 Walls take no part unless `contact` turns the normals next to them. That prescribes no contact angle: drops set down at
 60 and 120 degrees creep towards 90 on a no-slip wall (73 and 91 after 12 and 16 capillary times) and slosh on a free-slip
 one.
@@ -21,7 +22,7 @@ from warpsph.kernels.core.clock import BAND_COUNT
 from warpsph.kernels.core.pair import BAND, NEAR, list_access, separation_of
 from warpsph.kernels.core.params import make_params, make_phase
 from warpsph.kernels.core.smoothing import KERNELS, make_smoothing
-from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, types_of
+from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, types, types_of
 
 FAINTEST = 0.01  # |n| h below which a particle has no normal
 SMALLEST_MOMENT = 0.02  # determinant below which the divergence of the normals is not corrected
@@ -154,6 +155,44 @@ def make_normal(spec: Spec) -> Any:
     return colour_normal
 
 
+# What the bend of an interface adds to its curvature: relative errors, times (R/h)^2, of a circle in two dimensions and of a
+# cylinder and a sphere in three, for particles without end (`python scripts/curvature_error.py`). Times the variance of the
+# kernel, 2.0 to 2.1 of a circle or cylinder and 2.5 to 2.7 of a sphere.
+BEND = {
+    "wendland_c2": (0.575, 0.548, 0.688),
+    "wendland_c4": (0.435, 0.417, 0.524),
+    "wendland_c6": (0.349, 0.337, 0.423),
+    "cubic": (0.665, 0.620, 0.780),
+    "quintic": (0.996, 0.963, 1.219),
+    "gaussian": (1.000, 0.998, 1.256),
+}
+
+
+@functools.cache
+def make_straightened(kernel: str, dimension: int, precision: str) -> Any:
+    """Return the `wp.func` of the curvature without what the bend of the interface adds to it, from S = h grad(-n/|n|).
+
+    With the principal curvatures k1 and k2, times h, tr S comes out as (k1 + k2)(1 + x) with
+    x = a (k1^2 - k1 k2 + k2^2) + b k1 k2, a of a cylinder and a + b of a sphere. The factor (1 + 2 x)/(1 + 3 x) is the
+    inverse to second order; it leaves two thirds where the curvature is too strong for an expansion. Returns kappa h.
+    """
+    real, _, mat, _ = types(dimension, precision)
+    circle, cylinder, sphere = BEND[kernel]
+    product = 0.5 * (sphere - 2.0 * cylinder)
+
+    @wp.func
+    def straightened(shape: mat):
+        kappa = wp.trace(shape)
+        if wp.static(dimension == 2):
+            x = real(circle) * kappa * kappa
+        else:
+            squares = wp.trace(shape * shape)
+            x = real(cylinder) * squares + real(product) * (kappa * kappa - squares)
+        return kappa * (real(1.0) + real(2.0) * x) / (real(1.0) + real(3.0) * x)
+
+    return straightened
+
+
 @functools.cache
 def make_curvature(spec: Spec) -> Any:
     """Return the kernel of the interface curvature [1/m], clamped to what the kernel can resolve."""
@@ -162,6 +201,7 @@ def make_curvature(spec: Spec) -> Any:
     _, slope = make_smoothing(spec.kernel, spec.precision)
     separation = separation_of(spec)
     list_begin, list_step, neighbour, Listed = list_access(spec)
+    straightened = make_straightened(spec.kernel, spec.dimension, spec.precision)
     d_real = float(spec.dimension)
 
     @wp.kernel(module="unique", enable_backward=False, module_options=SWEEP_OPTIONS)
@@ -212,7 +252,7 @@ def make_curvature(spec: Spec) -> Any:
                     # normals point into the own phase; kappa is the divergence of the opposite direction
                     spread += f * wp.outer(d, unit_i - unit_j)
             if wp.determinant(moment) > real(SMALLEST_MOMENT):
-                kappa = wp.trace(wp.inverse(moment) * spread)
+                kappa = straightened(params.h * wp.inverse(moment) * spread) * params.inv_h
             else:
                 kappa = real(d_real) * wp.trace(spread) / wp.max(wp.trace(moment), real(1.0e-6))
             limit = real(SHARPEST) * params.inv_h
@@ -222,9 +262,18 @@ def make_curvature(spec: Spec) -> Any:
     return interface_curvature
 
 
-# Width of the means across an interface: weights exp(-NARROW t^2/h^2) of the way t along it, the narrowest that still finds
-# some particles in reach. Half and double of it: docs/records/tension.md.
-NARROW = 2.0
+# Narrowness of the means across an interface: weights exp(-NARROW t^2/h^2) of the way t along it. Wider than this the first
+# rows drive each other apart again, narrower ones take more noise for curvature: half and double in docs/records/tension.md.
+NARROW = 1.0
+
+
+def sharpness(kernel: str, dimension: int) -> float:
+    """Factor c of kappa = mean + c (mean - mean of it) that gives back all that was smoothed along the interface.
+
+    Of a wave of the number k the fraction, its gradient and the divergence leave 1 - 3/2 v (k h)^2, v the variance of the
+    kernel along an axis, and the mean leaves 1 - (k h)^2/(4 NARROW), which the difference of both means measures.
+    """
+    return 1.0 + 6.0 * NARROW * KERNELS[kernel].variance[dimension - 1]
 
 
 @functools.cache
@@ -232,7 +281,7 @@ def make_evened(spec: Spec, sharp: bool) -> Any:
     """Return the kernel of the mean of the curvature across the interface; `sharp`: that of the curvature, not smoothed.
 
         mean_i  = sum_j w_j^2 a_ij exp(-NARROW t_ij^2/h^2) V_j kappa_j / sum_j (the same without kappa_j),   i included
-        kappa_i = mean_i + (mean_i - the same mean of mean_i)
+        kappa_i = mean_i + c (mean_i - the same mean of mean_i),   c of `sharpness`
 
     t_ij is the way along the interface at i, whatever the distance across, so that both sides see the same particles;
     a_ij = max(n_i.n_j/(|n_i| |n_j|), 0) leaves out other interfaces in reach. Signs of other phases are turned.
@@ -242,6 +291,7 @@ def make_evened(spec: Spec, sharp: bool) -> Any:
     separation = separation_of(spec)
     list_begin, list_step, neighbour, Listed = list_access(spec)
     reach2 = KERNELS[spec.kernel].support ** 2
+    sharper = sharpness(spec.kernel, spec.dimension)
 
     @wp.kernel(module="unique", enable_backward=False, module_options=SWEEP_OPTIONS)
     def evened_curvature(
@@ -304,7 +354,7 @@ def make_evened(spec: Spec, sharp: bool) -> Any:
             mean = mean / total
         if wp.static(sharp):
             limit = real(SHARPEST) * params.inv_h
-            curvature[i] = wp.clamp(real(2.0) * own_value - mean, -limit, limit)
+            curvature[i] = wp.clamp(own_value + real(sharper) * (own_value - mean), -limit, limit)
         else:
             mean_curvature[i] = mean
 

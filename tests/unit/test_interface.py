@@ -31,17 +31,73 @@ def circle(device):
     return drop(20.0, device=device)
 
 
+def outward_mean(bench, r, radius, middle=True):
+    """Mean of the curvature, positive where phase 0 is convex, over the interface."""
+    outward = np.where(r < radius, 1.0, -1.0) * bench.get("curvature")
+    return np.average(outward, weights=bench.get("interface_weight") * middle)
+
+
+# (the constants of other kernels in three dimensions: test_curvature_error)
+@pytest.mark.parametrize(
+    ("form", "radius", "h", "kernel"),
+    [
+        ("circle", 3.0, 2.0, "wendland_c2"),
+        ("circle", 6.0, 2.0, "wendland_c2"),
+        ("circle", 6.0, 4.0, "wendland_c2"),
+        ("circle", 3.0, 2.0, "wendland_c4"),
+        ("circle", 6.0, 2.0, "quintic"),
+        ("cylinder", 4.0, 2.0, "wendland_c2"),
+        ("sphere", 3.0, 2.0, "wendland_c2"),
+    ],
+)
+def test_curvature_of_a_strong_bend(form, radius, h, kernel, device):
+    """Radius in h, h in dx: the error of the order (h/R)^2, 1.6 to 8 %, is gone; the next order and the lattice are left."""
+    dimension = 2 if form == "circle" else 3
+    count = int(2 * (h * radius + 4.2 * h)) + 2
+    shape = (count, count, 17)[:dimension] if form == "cylinder" else (count,) * dimension
+    x = lattice(shape, SPACING, 0.0) + np.random.default_rng(1).uniform(-0.5, 0.5, dimension)
+    r = np.linalg.norm(x[:, :2] if form == "cylinder" else x, axis=1)
+    inside = r < h * radius
+    spec = dataclasses.replace(SPEC if dimension == 2 else SPEC_3D, kernel=kernel)
+    bench = Bench(spec, x, spacing=SPACING, ratio=h, phase=(~inside).astype(int), fluids=FLUIDS, device=device)
+    bench.prepare()
+    rounded = {
+        "circle": (inside.sum() / np.pi) ** 0.5,
+        "cylinder": (inside.sum() / 17 / np.pi) ** 0.5,
+        "sphere": (3 * inside.sum() / (4 * np.pi)) ** (1 / 3),
+    }[form]  # a disc of lattice points is as large as it has points
+    middle = np.abs(x[:, 2]) < 1 if form == "cylinder" else True
+    exact = (2 if form == "sphere" else 1) / rounded
+    assert outward_mean(bench, r, h * radius, middle) == pytest.approx(exact, rel=0.25 / radius**4 + 0.03 / h**2)
+
+
+@pytest.mark.parametrize("wavelength", [48, 24])
+def test_curvature_of_a_wave_is_not_smoothed(wavelength, device):
+    """h = 2 dx: what smoothing takes, 1.5 v (k h)^2 = 2.9 and 11 % of the amplitude, is put back: (k h)^4 is left."""
+    k, amplitude, h = 2 * np.pi / wavelength, 0.2, 2.0
+    x = lattice((2 * wavelength, 26), SPACING, 0.0)
+    phase = (x[:, 1] > 0).astype(int)
+    x[:, 1] += amplitude * np.cos(k * x[:, 0])
+    bench = Bench(SPEC, x, spacing=SPACING, ratio=h, phase=phase, fluids=FLUIDS, device=device)
+    bench.prepare()
+    wave, weight = np.cos(k * x[:, 0]), bench.get("interface_weight") * (np.abs(x[:, 0]) < wavelength / 2)
+    kappa = np.where(phase == 0, 1.0, -1.0) * bench.get("curvature")
+    found = (weight * kappa * wave).sum() / (weight * wave**2).sum()
+    assert found == pytest.approx(amplitude * k**2, rel=0.004 + (k * h) ** 4)
+
+
 def test_curvature_of_a_disordered_circle(device):
-    """The mean is within a few per cent of 1/R on either side; positive where the own phase is convex."""
+    """The mean is within a few per cent of 1/R on either side; each octant is convex seen from within."""
     means = []
     for seed in range(4):
-        bench, _, _ = drop(20.0, seed=seed, device=device)
+        bench, x, _ = drop(20.0, seed=seed, device=device)
         curvature, weight = bench.get("curvature"), bench.get("interface_weight")
-        inside, at = bench.get("phase") == 0, weight > 0.05
-        # single particles scatter about it as much as its size at this radius
-        assert (curvature[at & inside] > 0).mean() > 0.7
-        assert (curvature[at & ~inside] < 0).mean() > 0.7
+        inside = bench.get("phase") == 0
         outward = np.where(inside, curvature, -curvature)
+        # single particles scatter about it by more than its size at this radius and this disorder
+        octant = np.floor(np.arctan2(x[:, 1], x[:, 0]) / (np.pi / 4)).astype(int)
+        for one in range(-4, 4):
+            assert np.average(outward[octant == one], weights=weight[octant == one]) > 0
         means.append([np.average(outward[at], weights=weight[at]) for at in (weight > 0, inside, ~inside)])
     both, inner, outer = 20.0 * np.mean(means, axis=0)
     assert both == pytest.approx(1.0, abs=0.03)
@@ -124,12 +180,13 @@ def evened(bench, x, values):
             near = (weight > 0) & (r2 < (2 * bench.h) ** 2)
             alike = np.maximum(side[i] * side[near] * (unit[near] @ unit[i]), 0.0)
             along2 = r2[near] - (d[near] @ unit[i]) ** 2
-            w = weight[near] ** 2 * volume[near] * alike * np.exp(-2.0 * along2 / bench.h**2)
+            w = weight[near] ** 2 * volume[near] * alike * np.exp(-along2 / bench.h**2)
             result[i] = (w * side[i] * side[near] * field[near]).sum() / w.sum()
         return result
 
     first = mean(values)
-    return first, np.clip(2 * first - mean(first), -2 / bench.h, 2 / bench.h)
+    # 1 + 6 v, v = 5/18 of Wendland C2 in two dimensions
+    return first, np.clip(first + 8 / 3 * (first - mean(first)), -2 / bench.h, 2 / bench.h)
 
 
 def test_curvature_is_evened_across_the_interface(device):

@@ -29,7 +29,7 @@ def at(name, q):
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_norm_in_one_two_and_three_dimensions(name):
+def test_norm_and_variance_in_one_two_and_three_dimensions(name):
     nodes, weights = np.polynomial.legendre.leggauss(24)
     q = np.concatenate([k + 0.5 + 0.5 * nodes for k in range(3)])
     weights = np.tile(0.5 * weights, 3)
@@ -37,6 +37,9 @@ def test_norm_in_one_two_and_three_dimensions(name):
     shells = (np.full_like(q, 2.0), 2 * math.pi * q, 4 * math.pi * q**2)
     for alpha, shell in zip(KERNELS[name].alpha, shells, strict=True):
         assert alpha * np.sum(weights * shell * w) == pytest.approx(1.0, abs=1e-8)
+    for d, (shell, variance) in enumerate(zip(shells, KERNELS[name].variance, strict=True), start=1):
+        along_an_axis = KERNELS[name].alpha[d - 1] * np.sum(weights * shell * w * q**2) / d
+        assert along_an_axis == pytest.approx(variance, abs=1e-8)
 
 
 @pytest.mark.parametrize("name", NAMES)
