@@ -209,10 +209,6 @@ def make_continuity(spec: Spec) -> Any:
                         inv_r = real(1.0) / wp.max(r, real(1.0e-6) * params.h)
                         u_i = -wp.dot(vi, d) * inv_r
                         u_j = -wp.dot(velocity[j], d) * inv_r
-                        if wp.static(sided):
-                            # both states in the middle of the pair, each from its own side (`interface_flow`)
-                            u_i += real(0.5) * inv_r * wp.dot(velocity_gradient[i] * d, d)
-                            u_j -= real(0.5) * inv_r * wp.dot(velocity_gradient[j] * d, d)
                         driving = params.dissipation * dp
                         if wp.static(sided):
                             # what drives the pressures of the two together is kept apart: it may not overshoot
@@ -224,6 +220,13 @@ def make_continuity(spec: Spec) -> Any:
                         u_star = star_velocity(
                             u_i, u_j, own.density, other.density, own.impedance, other.impedance, driving
                         )
+                        if wp.static(sided):
+                            # what the weights leave out, from the own phase of the denser particle (`interface_flow`)
+                            lacking = (own.density - other.density) / (own.density + other.density)
+                            dense = i
+                            if lacking < real(0.0):
+                                dense = j
+                            u_star += real(0.5) * lacking * inv_r * wp.dot(velocity_gradient[dense] * d, d)
                         rate += real(2.0) * f * (wp.dot(vi, d) + r * u_star)
         while k < end:
             j = neighbour(neighbours, i, k)

@@ -3,8 +3,11 @@
 Next to an interface the neighbours of the own phase fill a part of the support alone. From them:
     grad v_i = [sum_own (v_j - v_i) (x) grad_i W V_j] [sum_own (x_j - x_i) (x) grad_i W V_j]^-1
     facing_i = sum_other grad_i W V_j / |.|, from the own phase to the others
-The first carries the velocities of a pair to its middle: v_i + grad v_i.(x_j - x_i)/2. With constant states the particles
-of a heavy phase would see no divergence towards a light one, and its rows would compress and expand in turn.
+The first carries the velocity of the denser particle of a pair to its middle, v_i + grad v_i.(x_j - x_i)/2. With constant
+states the particles of a heavy phase would see no divergence towards a light one, and its rows would compress and expand in
+turn. Of that only what the weights of u* leave out counts, (rho_i - rho_j)/(rho_i + rho_j): carried velocities have no
+counterpart in p*, so the work of the pressures is not what the flow gains, and more of it than needed feeds short waves
+(docs/records/tension.md).
 The second tells a particle at an interface from one that is alone among the other phase: it is zero where no one side
 faces the others.
 """

@@ -40,7 +40,8 @@ def test_what_does_not_swing_is_refused():
         dispersion.exact_rate(K, (1.0, 1.0), (50.0, 50.0), 1.0)
 
 
-GROWTH = [(1.0, 0.1265, 0.05), (10.0, 0.0126, 0.05), (1000.0, 0.0126, 0.02)]
+# With little friction waves of equal fluids grew, by 9 % in a period, while velocities of both sides were carried.
+GROWTH = [(1.0, 0.1265, 0.05), (1.0, 0.0126, 0.05), (10.0, 0.0126, 0.05), (1000.0, 0.0126, 0.02)]
 
 
 @pytest.mark.parametrize(("ratio", "viscosity", "step"), GROWTH)
@@ -54,7 +55,7 @@ def test_no_wave_of_a_flat_interface_grows(ratio, viscosity, step):
 
 
 def test_the_frequency_is_that_of_the_exact_wave():
-    """To second order in the smoothing length: 1 - 0.2 (kh)^2 from fraction, normal and divergence, sums with the kernel."""
+    """Lengths 20, 13, 10: what fraction, normal and divergence smooth, 0.2 (kh)^2 of the frequency, is put back; half is left."""
     linear = dispersion.LinearStep(1.0, 0.01265, columns=40, rows=40)
     errors = []
     for waves in (2, 3, 4):
@@ -62,4 +63,4 @@ def test_the_frequency_is_that_of_the_exact_wave():
         exact = dispersion.exact_rate(k, (1.0, 1.0), (0.01265, 0.01265), 1.0)
         rates = linear.rates(waves)
         errors.append(abs(rates[np.argmin(abs(rates - exact))].imag / exact.imag - 1) / (1.5 * k) ** 2)
-    assert max(errors) < 0.3
+    assert max(errors) < 0.2
