@@ -73,7 +73,7 @@ def make_fraction(spec: Spec) -> Any:
         xi = position[i]
         own = phase[i]
         same = shape(real(0.0)) * state[i][1]
-        every = same
+        other = real(0.0)
         cosine = real(0.0)
         k = list_begin(i, list_width)
         step = list_step(particle_count)
@@ -83,14 +83,16 @@ def make_fraction(spec: Spec) -> Any:
             k += step
             d = separation(xi, position[j], True, params)
             w = shape(wp.sqrt(wp.dot(d, d)) * params.inv_h) * state[j][1]
-            every += w
             if phase[j] == own:
                 same += w
-            elif wp.static(spec.contact_angle):
-                cosine += w * contact_angles[int(own) * phases.shape[0] + int(phase[j])]
-        fraction[i] = same / every
+            else:
+                other += w
+                if wp.static(spec.contact_angle):
+                    cosine += w * contact_angles[int(own) * phases.shape[0] + int(phase[j])]
+        # exactly 1 without another phase in reach, which same/(same + other) is not by the quick division of a GPU
+        fraction[i] = real(1.0) - other / (same + other)
         if wp.static(spec.contact_angle):
-            contact_cosine[i] = cosine / wp.max(every - same, real(1.0e-30))
+            contact_cosine[i] = cosine / wp.max(other, real(1.0e-30))
 
     return own_fraction
 
