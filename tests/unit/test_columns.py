@@ -24,6 +24,7 @@ BLOCK = {
 FIELDS = ["velocity", "pressure", "volume"]
 WHERE = {
     "force_coefficients": {"speed": 1, "length": 0.4, "area": 0.1, "lift": [0, 0, 1], "phase": "water"},
+    "interface_wave": {"phase": "water", "wavelength": 0.5},
     "surface_stress": {"speed": 1, "density": 1},
     "fragments": {"phases": ["oil"], "largest": 2},
     "elevation": {"places": [[0.1, 0.1], [0.5, 0.1]]},
@@ -49,6 +50,7 @@ EXPECTED = {
     ),
     "phase_pressure": ("water|oil|water - oil|max|min", {"Pa"}),
     "interface_length": ("interface_length", {"m^2"}),
+    "interface_wave": ("cosine|sine", {"m"}),
     "phase_velocity": (
         "|".join(f"{name} {phase}" for phase in ("water", "oil") for name in (*SAMPLED.split()[3:6], "max_speed")), {"m/s"}
     ),
@@ -124,6 +126,7 @@ def test_each_type_of_gauge_has_a_model_columns_and_a_measurement():
     written = {kind: {"type": kind, "interval": 0.1, **WHERE.get(kind, {})} for kind in GAUGES}
     written["fragments"] |= {"phases": [next(iter(case_of(FULL).phases))]}
     written["elevation"] |= {"places": [[0.1]]}
+    written["interface_wave"] |= {"phase": next(iter(case_of(FULL).phases)), "wavelength": 1.0}
     written["points"] |= {"points": [[0.1] * 2]}
     for kind in ("line", "reattachment"):
         written[kind] |= {"from": [0.1] * 2, "to": [0.9] * 2}

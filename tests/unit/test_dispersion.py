@@ -55,7 +55,7 @@ def test_no_wave_of_a_flat_interface_grows(ratio, viscosity, step):
 
 
 def test_the_frequency_is_that_of_the_exact_wave():
-    """Lengths 20, 13, 10: what fraction, normal and divergence smooth, 0.2 (kh)^2 of the frequency, is put back; half is left."""
+    """Lengths 20, 13, 10: what fraction, normal and divergence smooth, 0.2 (kh)^2 of the frequency, is back."""
     linear = dispersion.LinearStep(1.0, 0.01265, columns=40, rows=40)
     errors = []
     for waves in (2, 3, 4):

@@ -587,6 +587,36 @@ def test_interface_length():
         measure(case, make_snapshot([[0, 0]]))
 
 
+def test_amplitudes_of_a_wave_by_moments():
+    """Columns of any height, filled evenly: two waves of two lengths, of which the gauge sees one."""
+    wave = {"type": "interface_wave", "phase": "gas", "wavelength": 1.0, "interval": 0.1}
+    case = make_case({"wave": wave})
+    x = np.linspace(-1, 1, 400, endpoint=False)
+    top = 0.2 + 0.3 * np.cos(2 * np.pi * x) - 0.1 * np.sin(2 * np.pi * x) + 0.2 * np.cos(np.pi * x)
+    below = np.column_stack([x, 0.5 * (top - 1)])  # a particle for each column, with its volume
+    above = np.column_stack([x, 0.5 * (top + 1)])
+    volume = 0.005 * np.concatenate([top + 1, 1 - top])
+    phase = np.repeat([0, 1], len(x)).astype(np.int32)
+    found = measure(case, make_snapshot(np.vstack([below, above]), volume=volume, phase=phase))
+    assert found["cosine"] == pytest.approx(0.3, abs=1e-12) and found["sine"] == pytest.approx(-0.1, abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("change", "key"),
+    [
+        ({"phase": "oil"}, "phase"),
+        ({"wavelength": 0.7}, "wavelength"),
+        ({"axis": "y"}, "axis"),
+        ({"wavelength": -1}, "wavelength"),
+    ],
+)
+def test_wave_that_does_not_fit(change, key):
+    wave = {"type": "interface_wave", "phase": "gas", "wavelength": 1.0, "interval": 0.1}
+    with pytest.raises(CaseError) as error:
+        make_case({"wave": wave | change})
+    assert f"gauges.wave.{key}" in str(error.value)
+
+
 def test_wall_force_of_each_body_and_of_all():
     bodies = {
         "step": {"shape": {"box": {"lower": [0.6, 0.6], "upper": [0.8, 0.8]}}},

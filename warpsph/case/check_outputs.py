@@ -85,6 +85,9 @@ def _check_gauge(case: Any, name: Any, gauge: Any) -> Problems:
     elif gauge.type == "interface_length":
         if len(case.phases) < 2:
             yield Problem(f"{path}.type", gauge.type, "needs at least two phases", "delete the gauge")
+    elif gauge.type == "interface_wave":
+        yield from known_phase(case, f"{path}.phase", gauge.phase)
+        yield from guarded(_check_wave(case, path, gauge))
     elif gauge.type == "elevation":
         for position, place in enumerate(gauge.places):
             yield from guarded(_check_place(case, f"{path}.places.{position}", place))
@@ -117,6 +120,19 @@ def _check_budget(case: Any, path: str, gauge: Any) -> Problems:
         yield Problem(where, gauge.type, rule, "write numerics.integrator: leapfrog, or delete the gauge")
     elif case.has_flow_through:
         yield Problem(where, gauge.type, "does not know what comes through inlets and outlets", "delete the gauge")
+
+
+def _check_wave(case: Any, path: str, gauge: Any) -> Problems:
+    """An axis along the interface, and whole waves in the domain: else the rest of a wave would count as one."""
+    along = AXES.index(gauge.axis)
+    if along >= case.dimension - 1:
+        rule = f"has to lie in the interface, which the axis {AXES[case.dimension - 1]} crosses"
+        yield Problem(f"{path}.axis", gauge.axis, rule, "write x")
+        return
+    waves = (case.domain.upper[along] - case.domain.lower[along]) / gauge.wavelength
+    if round(waves) < 1 or abs(waves - round(waves)) > 1e-6 * waves:
+        rule = f"the domain holds {waves:.6g} of it along {gauge.axis}; needs a whole number"
+        yield Problem(f"{path}.wavelength", gauge.wavelength, rule, "divide the length of the domain by a whole number")
 
 
 def _check_place(case: Any, path: str, place: Sequence[float]) -> Problems:

@@ -202,6 +202,10 @@ def _interface_length(spec: Any, case: Any, phases: _Names, axes: _Names) -> lis
     return [Column("interface_length", _unit(axes, "m^2", "m"))]
 
 
+def _interface_wave(spec: Any, case: Any, phases: _Names, axes: _Names) -> list[Column]:
+    return [Column("cosine", "m"), Column("sine", "m")]
+
+
 def _wall_force(spec: Any, case: Any, phases: _Names, axes: _Names) -> list[Column]:
     unit = _unit(axes, "N", "N/m")
     return [
@@ -276,6 +280,7 @@ _COLUMNS: dict[str, Callable[[Any, Any, _Names, _Names], list[Column]]] = {
     "budget": _budget,
     "phase_pressure": _phase_pressure,
     "interface_length": _interface_length,
+    "interface_wave": _interface_wave,
     "extents": _extents,
     "contour": _contour,
     "deformation": _deformation,

@@ -76,6 +76,17 @@ class InterfaceLengthGauge(GaugeModel):
     type: Literal["interface_length"] = Field(description="length of the interface")
 
 
+class InterfaceWaveGauge(GaugeModel):
+    """Amplitude of a wave of an interface that is flat but for it."""
+
+    type: Literal["interface_wave"] = Field(description="amplitude of a wave of an interface, by the moments of a phase")
+    phase: Name = Field(description="the phase below the interface", examples=["water"])
+    wavelength: PositiveNumber = Field(description="m; the domain holds a whole number of them", examples=[1.0])
+    axis: Annotated[Literal["x", "y"], ChoiceRule()] = Field(
+        default="x", description="along the wave; the last axis of the scene is upwards"
+    )
+
+
 class ExtentsGauge(GaugeModel):
     """Extents and centre of each phase."""
 
@@ -278,6 +289,7 @@ GAUGES: dict[str, type[GaugeModel]] = {
     "budget": BudgetGauge,
     "phase_pressure": PhasePressureGauge,
     "interface_length": InterfaceLengthGauge,
+    "interface_wave": InterfaceWaveGauge,
     "extents": ExtentsGauge,
     "contour": ContourGauge,
     "deformation": DeformationGauge,
@@ -341,6 +353,7 @@ Gauge = Annotated[
     | Annotated[BudgetGauge, Tag("<budget>")]
     | Annotated[PhasePressureGauge, Tag("<phase_pressure>")]
     | Annotated[InterfaceLengthGauge, Tag("<interface_length>")]
+    | Annotated[InterfaceWaveGauge, Tag("<interface_wave>")]
     | Annotated[ExtentsGauge, Tag("<extents>")]
     | Annotated[ContourGauge, Tag("<contour>")]
     | Annotated[DeformationGauge, Tag("<deformation>")]

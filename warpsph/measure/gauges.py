@@ -13,6 +13,7 @@
 | phase_velocity | `velocity_x gas` ..., `max_speed gas` |
 | strays | the name of each phase |
 | interface_length | interface_length |
+| interface_wave | cosine, sine |
 | wall_force | force_x ..., and `force_x block` ... for each body |
 | force_coefficients | `Cd block`, `Cl block`, `Cm block`, `Cd_pressure block` ... of each body |
 | surface_stress | arc, angle, position, normal, pressure, shear; one row for each station of the surface |
@@ -61,7 +62,7 @@ from warpsph.measure.phase_gauges import (
     WallForceGauge,
 )
 from warpsph.measure.point_gauges import LineGauge, PointsGauge
-from warpsph.measure.shape_gauges import ContourGauge, ExtentsGauge, StraysGauge
+from warpsph.measure.shape_gauges import ContourGauge, ExtentsGauge, InterfaceWaveGauge, StraysGauge
 from warpsph.measure.surface_gauge import SurfaceStressGauge
 from warpsph.measure.totals import PhaseEos, Scene
 from warpsph.snapshot import Snapshot
@@ -78,6 +79,7 @@ GAUGES: dict[str, type[Gauge]] = {
     "phase_velocity": PhaseVelocityGauge,
     "strays": StraysGauge,
     "interface_length": InterfaceLengthGauge,
+    "interface_wave": InterfaceWaveGauge,
     "wall_force": WallForceGauge,
     "force_coefficients": ForceCoefficientsGauge,
     "surface_stress": SurfaceStressGauge,

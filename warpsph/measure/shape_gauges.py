@@ -16,6 +16,28 @@ from warpsph.measure.totals import Places, sums_of
 from warpsph.snapshot import Snapshot
 
 
+class InterfaceWaveGauge(Gauge):
+    """Amplitudes a and b [m] of an interface at the height y_0 + a cos(k x) + b sin(k x) + waves of other lengths.
+
+    Below the interface, over the length L of a whole number of waves and the section across both axes,
+
+        integral of cos(k x) dV = a/2 times L and the width of the section,
+
+    whatever the shape of the interface, as long as each x has one height. The integral is the sum over the particles: no
+    line has to be found, and an interface of particles has the amplitude to which their places and volumes add up.
+    """
+
+    needs = Needs.of(fields=("position", "volume"))
+
+    def row(self, snapshot: Snapshot) -> list[float]:
+        inside = snapshot.phase == self.phase_names.index(self.spec.phase)
+        along = AXES.index(self.spec.axis)
+        turn = 2.0 * math.pi / self.spec.wavelength * snapshot.position[inside, along]
+        section = float(np.prod((np.asarray(self.scene.upper) - np.asarray(self.scene.lower))[:-1]))
+        volume = 2.0 / section * snapshot.volume[inside]
+        return [float(volume @ np.cos(turn)), float(volume @ np.sin(turn))]
+
+
 class ExtentsGauge(Gauge):
     """Where each phase is, how large and how round.
 
