@@ -206,8 +206,8 @@ class Stages(Bench):
         return self.get("pressure_gradient")
 
     def regularise(self):
-        """Run the stage after the correction of the velocity."""
-        self.run(next(stage for stage in isph.finish(self.spec) if stage.name == "regularise"))
+        """Run the stages after the correction of the velocity: shift, collisions, smoothing next to a surface."""
+        self.run(*(stage for stage in isph.finish(self.spec) if stage.name in ("regularise", "smooth_surface")))
 
     # reference -----------------------------------------------------------------------------------------------------
 

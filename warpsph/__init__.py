@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from warpsph.snapshot import Snapshot
     from warpsph.study.movie import make_movie
     from warpsph.study.plot import plot_run
+    from warpsph.study.sweep import sweep
 
 # public name -> the module that defines it
 _PUBLIC = {
@@ -54,6 +55,7 @@ _PUBLIC = {
     "make_movie": "warpsph.study.movie",
     "plot_run": "warpsph.study.plot",
     "run": "warpsph.simulation",
+    "sweep": "warpsph.study.sweep",
 }
 
 __all__ = [
@@ -72,6 +74,7 @@ __all__ = [
     "make_movie",
     "plot_run",
     "run",
+    "sweep",
 ]
 
 

@@ -7,7 +7,7 @@
 | `DivergenceError` | 3 | the state became non-finite or ran away |
 | `OutputError` | 4 | results cannot be written |
 | `CapacityError` | 5 | the scene does not fit the memory, or a list is full and cannot grow |
-| - | 6 | `validate` is done, but a reference was missed or a run failed |
+| - | 6 | `validate` is done, but a reference was missed or a run failed; `sweep` is done, but a run failed |
 | `WallTimeReached` | 7 | the run used up its wall time; the state is in a checkpoint |
 | `Interrupted` | 130 | the user stopped the run |
 """

@@ -50,6 +50,11 @@ def bodies(spec: Spec) -> bool:
     return spec.bodies
 
 
+def free_surface(spec: Spec) -> bool:
+    """Runs with a free surface."""
+    return spec.free_surface
+
+
 def followed(spec: Spec) -> bool:
     """Runs with bodies whose surface pressure follows the fluid slowly."""
     return spec.wall_sound

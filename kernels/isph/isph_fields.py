@@ -1,6 +1,6 @@
 """The particle fields of projection ISPH, beside those that every scheme of fluid flow has."""
 
-from warpsph.kernels.core.fields import COMMON, FLOW, Field, always, bodies
+from warpsph.kernels.core.fields import COMMON, FLOW, Field, always, bodies, free_surface
 
 ISPH_FIELDS: tuple[Field, ...] = (
     *COMMON,
@@ -19,6 +19,8 @@ ISPH_FIELDS: tuple[Field, ...] = (
     Field("exposed", "uint8", "fluid", False, always, "-", "surface before fragments are counted to it"),
     Field("surface", "uint8", "fluid", False, always, "-", "0 inside, 1 at the free surface, 2 isolated", True),
     Field("surface_normal", "vec", "fluid", False, always, "-", "outward normal; of use at the surface alone", True),
+    Field("velocity_gradient", "mat", "fluid", False, free_surface, "1/s", "of the end of the step"),
+    Field("smoothing", "real", "fluid", False, free_surface, "-", "share of a deviation that smoothing takes out in a step"),
     Field("beside", "vec", "fluid", True, bodies, "-", "normal of the nearest wall particle of the last step; 0: none"),
     Field("wall_gap", "real", "fluid", True, bodies, "m", "distance from the surface of that wall"),
     Field("wall_pace", "real", "fluid", True, bodies, "m/s", "its velocity along the normal"),

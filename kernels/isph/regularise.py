@@ -1,4 +1,4 @@
-"""What keeps the particles of ISPH even: shift, collisions and filter next to free surfaces; the divergence left over."""
+"""What keeps the particles of ISPH even: shift, push and collisions next to free surfaces; the divergence left over."""
 
 import functools
 from typing import Any
@@ -20,7 +20,7 @@ CONTACT = 0.5  # distance of a collision, in spacings: shifted particles of a fl
 CROWDED = 0.85  # distance below which particles next to a free surface are pushed apart, in spacings
 PUSH = 0.25  # of A |grad u| dt, times the spacing
 MOST_PUSH = 0.1  # of |grad u| dt: beyond it a push overshoots
-MOST_FILTER = 0.5  # share of a velocity's deviation that one step may take out
+MOST_FILTER = 0.5  # share of a velocity's deviation that one step may take out; with 1 two particles would swap theirs
 MOST_SHIFT = 0.5  # of A |grad u| dt
 
 
@@ -30,8 +30,8 @@ def make_regularise(spec: Spec) -> Any:
 
     dx = -A |grad u| dt h^2 grad C; what the particle carries changes by grad u dx. Next to a free surface that is done along
     it alone; across it particles nearer than CROWDED spacings are pushed apart by 0.25 A |grad u| dt dx sum (1 - r/r_0) e,
-    which is zero on an even arrangement with or without neighbours outside. And the velocity is drawn to the linear field
-    around it, du = f |grad u| dt sum W [u_j - u_i - grad u (x_j - x_i)]/sum W, f = `surface_filter`.
+    which is zero on an even arrangement with or without neighbours outside. How much the velocity is smoothed there,
+    f |grad u| dt with f = `surface_filter`, and its gradient are left to `surface_smoothing`.
     With a free surface two particles that come nearer than CONTACT spacings lose their speed of approach, each one half of
     it, as in a plastic collision: in a splash no pressure acts between them.
     """
@@ -74,6 +74,8 @@ def make_regularise(spec: Spec) -> Any:
         dilation_old: wp.array(dtype=real),
         shift: wp.array(dtype=vec),
         carried: wp.array(dtype=vec),
+        velocity_gradient: wp.array(dtype=mat),
+        smoothing: wp.array(dtype=real),
         maxima: wp.array(dtype=real),
         zone: wp.array(dtype=wp.int8),
     ):
@@ -88,9 +90,6 @@ def make_regularise(spec: Spec) -> Any:
             wrapped = (int(flags[i]) & WRAPPED) != 0
         flow = mat()
         impact = vec()  # change of velocity by collisions
-        weight = shape(real(0.0))
-        others = vec()  # sum W (u_j - u_i)
-        arm = vec()  # sum W (x_i - x_j)
         apart_sum = vec()
         crowded = real(CROWDED) * params.spacing
         contact2 = real(CONTACT * CONTACT) * params.spacing * params.spacing
@@ -116,10 +115,6 @@ def make_regularise(spec: Spec) -> Any:
                 if code != 0:
                     vj = image_velocity(vj, code, sides)
             if wp.static(spec.free_surface):
-                w = shape(q)
-                weight += w
-                others += w * (vj - vi)
-                arm += w * d
                 r = wp.sqrt(r2)
                 if r < crowded and r > real(0.0):
                     apart_sum += d * (real(1.0) / r - real(1.0) / crowded)
@@ -129,7 +124,7 @@ def make_regularise(spec: Spec) -> Any:
             flow += wp.outer(vj - vi, (slope(q) * rest_volume[j]) * d)
             if wp.static(spec.free_surface):
                 if surface[j] != wp.uint8(INSIDE) and code == 0:
-                    outward += surface_normal[j] * w
+                    outward += surface_normal[j] * shape(q)
         if wp.static(spec.walls):
             end += int(wall_neighbours[i]) * step
             while k < end:
@@ -153,10 +148,14 @@ def make_regularise(spec: Spec) -> Any:
                 if wp.static(spec.shifting):
                     shift[i] = vec()
                     carried[i] = vec()
+                    if wp.static(spec.free_surface):
+                        velocity_gradient[i] = shear
+                        smoothing[i] = real(0.0)
                 return  # rows stay as they are
         if wp.static(spec.shifting):
             dt = real(clock[STEP])
             strength = wp.sqrt(wp.ddot(shear, shear)) * dt
+            rate = real(0.0)  # of smoothing: only next to a surface
             # beyond half of h^2 grad C a shift overshoots what is even
             dx = crowding[i] * (-wp.min(params.shifting * strength, real(MOST_SHIFT)) * params.h * params.h)
             if wp.static(spec.free_surface):
@@ -166,7 +165,7 @@ def make_regularise(spec: Spec) -> Any:
                     n = outward / length
                     push = real(PUSH) * params.shifting * wp.min(strength, real(MOST_PUSH)) * params.spacing
                     dx += n * (push * wp.dot(apart_sum, n) - wp.dot(dx, n))
-                    impact += (others + shear * arm) * (wp.min(params.filter * strength, real(MOST_FILTER)) / weight)
+                    rate = wp.min(params.filter * strength, real(MOST_FILTER))
                 if surface[i] == wp.uint8(ISOLATED):
                     dx = vec()
             length = wp.length(dx)
@@ -182,6 +181,8 @@ def make_regularise(spec: Spec) -> Any:
             change = shear * dx
             if wp.static(spec.free_surface):
                 change += impact
+                velocity_gradient[i] = shear
+                smoothing[i] = rate
             carried[i] = change
             s2 = wp.dot(dx, dx)
             if s2 > maxima[slot * MAXIMA + 3]:

@@ -59,7 +59,7 @@ def _user_path(place: Sequence[Any], raw: Any) -> tuple[str, ...]:
 def _homes(root: type[CaseModel], key: str) -> list[str]:
     """Sections in which a key is at home, for one that stands in the wrong section."""
     sections: list[tuple[str, type[CaseModel]]] = [("", root)]
-    for section in _SECTIONS:
+    for section in (name for name in _SECTIONS if name in root.model_fields):
         annotation = root.model_fields[section].annotation
         sections += [(section, model) for _, member in members(annotation) if is_model(member) for model in member.models()]
     homes = {f"{section}.{key}" if section else key: None for section, model in sections if key in keys_of(model)}

@@ -40,6 +40,7 @@ from warpsph.kernels.isph.printed_projection import (
 from warpsph.kernels.isph.projection import make_advect, make_predict, make_settle
 from warpsph.kernels.isph.regularise import make_regularise
 from warpsph.kernels.isph.surface import make_surface
+from warpsph.kernels.isph.surface_smoothing import make_smooth_surface
 from warpsph.schemes.map_stages import exponents, follow_shift, windows
 from warpsph.schemes.open_stages import crossing, fill
 
@@ -291,12 +292,20 @@ def finish(spec: Spec) -> list[Stage]:
         *open_velocity(spec),
         *continued(spec, "velocity"),
         Stage("regularise", make_regularise(spec), "fluid", "divergence left over, shift of the particles"),
+        *smooth(spec),
         *follow_shift(spec),
     ]
     if not spec.second_order:
         stages.append(Stage("settle", make_settle(spec), "fluid", "positions from the mean of both velocities"))
     stages.append(advance(spec))
     return stages
+
+
+def smooth(spec: Spec) -> list[Stage]:
+    """Return the stage that smooths the velocity next to a free surface; none without one, or without a shift."""
+    if not (spec.free_surface and spec.shifting):
+        return []
+    return [Stage("smooth_surface", make_smooth_surface(spec), "fluid", "velocity smoothed at the free surface, by pairs")]
 
 
 def take(spec: Spec) -> list[Stage]:

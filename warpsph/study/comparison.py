@@ -220,6 +220,19 @@ def _one_number(
     return reduced(spec.reduce, times, values, unit)
 
 
+def gauge_number(spec: Any, source: Results) -> tuple[float, str]:
+    """The column of a gauge as one number, and its unit.
+
+    spec: has `gauge`, `column`, `reduce` (a key of `REDUCTIONS`) and `window`, times in s or None
+
+    Raises NotComparable if the gauge has no such column, or no row in the window.
+    """
+    times, values, unit = source.column(spec)
+    inside = _in_window(spec, source, times)
+    value, unit, _ = reduced(spec.reduce, times[inside], values[inside], unit)
+    return value, unit
+
+
 def _in_window(spec: Any, source: Results, times: np.ndarray) -> np.ndarray:
     """Which rows of a gauge lie in the window of an entry; all if it has none."""
     if spec.window is None:

@@ -1,0 +1,354 @@
+"""Sweeps: one case at many points of its parameters, and one table of what was measured.
+
+    output folder/
+      sweep.json             the study and the base case, which a folder is held to when the sweep goes on in it
+      results/000000.json    one file a run that is done, written whole
+      table.csv, table.h5    one row a run
+      <measure>.png          the pictures
+      runs/000000/           the run folder, with keep_runs
+
+Runs go one after the other in this process, or side by side on the workers of Dask, of this machine or of a scheduler's.
+Runs of one structure share their compiled kernels: what a parameter changes is a number, as long as it switches no
+effect on or off.
+"""
+
+from __future__ import annotations
+
+import gc
+import json
+from collections.abc import Callable, Generator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from warpsph.case.case import Case
+from warpsph.case.case_file import load_case
+from warpsph.case.values import suggestion
+from warpsph.errors import MISSING, CaseError, DivergenceError, Interrupted, Problem, WarpsphError
+from warpsph.files.output import json_text
+from warpsph.files.whole_files import write_failure, write_text
+from warpsph.study.comparison import gauge_number
+from warpsph.study.norms import NotComparable
+from warpsph.study.provenance import provenance
+from warpsph.study.results import Results
+from warpsph.study.sweep_file import Measurement, Sweep, load_sweep
+from warpsph.study.sweep_pictures import draw_sweep
+from warpsph.study.sweep_points import points_of
+from warpsph.study.sweep_table import SweepTable
+
+if TYPE_CHECKING:
+    from warpsph.simulation import Simulation
+
+LOSSES = 3
+"""How many workers may die under a run before it counts as failed."""
+
+
+@dataclass(frozen=True)
+class Task:
+    """One run of a sweep, as it goes to a worker.
+
+    data, source: the base case as plain data, and the folder of the files that it names
+    changes: dotted keys and values of this run
+    folder: run folder, None for a run that is not kept
+    """
+
+    number: int
+    data: Mapping[str, Any]
+    source: Path | None
+    point: Mapping[str, Any]
+    changes: Mapping[str, Any]
+    measure: Mapping[str, Measurement]
+    folder: Path | None
+    device: str
+    threads: int | None
+
+
+Finished = Callable[[dict[str, Any], int, int], None]
+"""Told of each run that is done: its row, how many are done, how many there are."""
+
+
+def sweep(
+    study: Sweep | Path | str | Mapping[str, Any],
+    output: Path | str,
+    *,
+    device: str = "cpu",
+    threads: int | None = None,
+    processes: int = 1,
+    scheduler: str | None = None,
+    retry: bool = False,
+    draw: bool = True,
+    finished: Finished | None = None,
+) -> SweepTable:
+    """Run a case at many points of its parameters and return the table.
+
+    Args:
+        study: name of a sweep file, or the nested plain data that one would hold, whose case is then looked up in the
+            current folder.
+        output: folder of the results. A folder of the same sweep goes on: its runs that are done are not made again.
+        device: as of `Simulation`.
+        threads: CPU threads of a run (default: all processors, divided among the processes).
+        processes: runs at the same time on this machine; above 1 a local cluster of Dask.
+        scheduler: address of a Dask scheduler, whose workers make the runs instead.
+        retry: make runs again that failed before.
+        draw: draw the pictures.
+        finished: told of each run that is done.
+
+    A run that diverges or fails is a row with its reason and does not stop the others. Ctrl-C ends with what is done
+    (`SweepTable.interrupted`).
+
+    Raises:
+        CaseError: the study is wrong, no point of it gives a valid case, the device does not exist, the folder is that
+            of another sweep, or Dask is needed and missing.
+        OutputError: the results cannot be written.
+    """
+    plan, home = load_sweep(study)
+    folder = Path(output)
+    case = load_case(home / plan.case)
+    points = points_of(plan)
+    _check(plan, case, points)
+    if threads is None and scheduler is None and processes > 1:
+        from warpsph.running.model import default_threads
+
+        threads = max(1, default_threads() // processes)
+    _claim(folder, plan, case)
+    known = _stored(folder, len(points), retry)
+    tasks = [_task(plan, case, folder, number, point, device, threads) for number, point in enumerate(points)]
+    left = [task for task in tasks if task.number not in known]
+    table = SweepTable(folder, list(plan.parameters), list(plan.measure), len(points))
+    table.rows = [known[number] for number in sorted(known)]
+    outcomes = _in_turn(left) if processes == 1 and scheduler is None else _on_dask(left, processes, scheduler)
+    try:
+        for row in outcomes:
+            write_text(folder / "results" / f"{row['run']:06d}.json", json_text(row), durable=True)
+            known[row["run"]] = row
+            table.rows = [known[number] for number in sorted(known)]
+            if finished is not None:
+                finished(row, len(known), len(points))
+    except (Interrupted, KeyboardInterrupt):
+        table.interrupted = True
+    finally:
+        outcomes.close()
+        table.write()
+    if draw:
+        draw_sweep(table)
+    return table
+
+
+def _check(plan: Sweep, case: Case, points: Sequence[Mapping[str, Any]]) -> None:
+    """Raise CaseError for measurements of what the case has not, and if no point gives a valid case."""
+    problems = []
+    for name, spec in plan.measure.items():
+        for kind, known in (("gauge", case.gauges), ("reference", case.reference)):
+            wanted = getattr(spec, kind)
+            if wanted is not None and wanted not in known:
+                remedy = suggestion(wanted, known) if known else f"add it to the section {kind} of the case"
+                problems.append(Problem(f"measure.{name}.{kind}", wanted, f"{plan.case} has no such {kind}", remedy))
+    if problems:
+        raise CaseError(problems)
+    first: CaseError | None = None
+    for point in points:
+        try:
+            _case_at(case, plan.changes(point))
+            return
+        except CaseError as error:
+            first = first or error
+    assert first is not None
+    raise first
+
+
+def _case_at(case: Case, changes: Mapping[str, Any]) -> Case:
+    """The case of a run. Raises CaseError."""
+    return case.replace({"output.checkpoint": "none", **changes})
+
+
+def _task(
+    plan: Sweep, case: Case, folder: Path, number: int, point: Mapping[str, Any], device: str, threads: int | None
+) -> Task:
+    place = folder.resolve() / "runs" / f"{number:06d}" if plan.keep_runs else None
+    source = None if case.source_folder is None else case.source_folder.resolve()
+    measure = dict(plan.measure)
+    return Task(number, case.to_dict(), source, point, plan.changes(point), measure, place, device, threads)
+
+
+# ---- the folder ------------------------------------------------------------------------------------------
+
+
+def _claim(folder: Path, plan: Sweep, case: Case) -> None:
+    """Make the folder and store the study in it, or see that the folder is one of the same study."""
+    data = case.to_dict()
+    data.pop("validation", None)
+    study = json.loads(json_text({**plan.to_dict(), "case": data}))
+    path = folder / "sweep.json"
+    try:
+        (folder / "results").mkdir(parents=True, exist_ok=True)
+        stored = json.loads(path.read_text(encoding="utf-8"))["study"] if path.exists() else None
+    except OSError as error:
+        raise write_failure(folder, error) from error
+    except (ValueError, LookupError, TypeError) as error:
+        rule, remedy = "holds no readable sweep.json", "name a new folder"
+        raise CaseError([Problem("--output", str(folder), rule, remedy)]) from error
+    if stored is None:
+        write_text(path, json_text({"study": study, **provenance()}), durable=True)
+        return
+    old, new = _flat(stored), _flat(study)
+    problems = []
+    for key in dict.fromkeys([*new, *old]):
+        if new.get(key, MISSING) != old.get(key, MISSING):
+            before = repr(old[key]) if key in old else "nothing"
+            rule = f"the sweep in {folder} was begun with {before}"
+            problems.append(Problem(key, new.get(key, MISSING), rule, "put it back, or name a new --output"))
+    if problems:
+        raise CaseError(problems)
+
+
+def _flat(data: Any, path: str = "") -> dict[str, Any]:
+    """Leaves of nested data by their dotted paths."""
+    if isinstance(data, Mapping | list) and data:
+        parts = data.items() if isinstance(data, Mapping) else enumerate(data)
+        return {name: leaf for key, part in parts for name, leaf in _flat(part, f"{path}.{key}").items()}
+    return {path.removeprefix("."): data}
+
+
+def _stored(folder: Path, count: int, retry: bool) -> dict[int, dict[str, Any]]:
+    """The rows of runs that are done, by their numbers; without those that failed if they are to be made again."""
+    rows: dict[int, dict[str, Any]] = {}
+    for path in sorted((folder / "results").glob("[0-9]*.json")):
+        with suppress(OSError, ValueError, LookupError, TypeError):  # what cannot be read is made again
+            row = json.loads(path.read_text(encoding="utf-8"))
+            if row["run"] < count and not (retry and row["status"] != "finished"):
+                rows[row["run"]] = row
+    return rows
+
+
+# ---- the runs --------------------------------------------------------------------------------------------
+
+
+_Outcomes = Generator[dict[str, Any], None, None]
+
+
+def _in_turn(tasks: Sequence[Task]) -> _Outcomes:
+    """Make one run after the other in this process."""
+    for task in tasks:
+        yield execute(task)
+
+
+def _on_dask(tasks: Sequence[Task], processes: int, address: str | None) -> _Outcomes:
+    """Make runs on the workers of Dask, in the order of their ends.
+
+    A run whose worker died is given to another one, `LOSSES` times. Workers take one run at a time.
+    """
+    try:
+        import dask
+        import distributed
+    except ImportError as error:
+        option, value = ("--processes", processes) if address is None else ("--scheduler", address)
+        rule, remedy = "needs Dask, which is not installed", "pip install 'warpsph-simulator[dask]'"
+        raise CaseError([Problem(option, value, rule, remedy)]) from error
+    if not tasks:
+        return
+    dask.config.set({"distributed.scheduler.allowed-failures": LOSSES})
+    cluster = None
+    if address is None:
+        cluster = distributed.LocalCluster(
+            n_workers=min(processes, len(tasks)), threads_per_worker=1, processes=True, dashboard_address=None
+        )
+    try:
+        client = distributed.Client(cluster if cluster is not None else address, timeout="20s")
+    except (OSError, ValueError) as error:
+        raise CaseError([Problem("--scheduler", address, f"cannot be reached ({error})", "start dask scheduler")]) from error
+    try:
+        futures = {client.submit(execute, task, pure=False): task for task in tasks}
+        for future in distributed.as_completed(futures):
+            failure = future.exception()
+            yield future.result() if failure is None else _failed_row(futures[future], failure)
+            future.release()
+    finally:
+        client.cancel(list(futures))
+        client.close()
+        if cluster is not None:
+            cluster.close()
+
+
+def _failed_row(task: Task, error: BaseException) -> dict[str, Any]:
+    """The row of a run that gave nothing, e.g. because workers died under it."""
+    if isinstance(error, CaseError | Interrupted):
+        raise error
+    return _row(task, "failed", f"{type(error).__name__}: {error}", {}, {})
+
+
+def _row(
+    task: Task, status: str, problem: str | None, summary: Mapping[str, Any], measured: Mapping[str, float | None]
+) -> dict[str, Any]:
+    return {
+        "run": task.number,
+        **task.point,
+        **{name: measured.get(name) for name in task.measure},
+        "status": status,
+        "problem": problem,
+        "seconds": summary.get("wall_seconds"),
+        **{key: summary.get(key) for key in ("setup_seconds", "steps", "particles", "time")},
+    }
+
+
+def execute(task: Task) -> dict[str, Any]:
+    """Make a run and return its row; what workers of Dask call.
+
+    Raises Interrupted, and CaseError if there is no such device; any other error becomes a row.
+    """
+    from warpsph.simulation import Simulation
+
+    simulation: Simulation | None = None
+    measured: dict[str, float | None] = {}
+    status, problem = "failed", None
+    try:
+        base = Case.from_dict(task.data, task.source)
+        case = _case_at(base, task.changes)
+        simulation = Simulation(case, output=_free(task.folder), device=task.device, threads=task.threads)
+        simulation.run()
+        measured, problem = _measure(task, simulation)
+        status = "finished"
+    except Interrupted:
+        raise
+    except DivergenceError as error:
+        status, problem = "diverged", str(error)
+    except WarpsphError as error:
+        if isinstance(error, CaseError) and any(entry.path == "device" for entry in error.problems):
+            raise
+        problem = str(error)
+    except Exception as error:  # whatever it is, it must not cost the other runs
+        problem = f"{type(error).__name__}: {error}"
+    row = _row(task, status, problem, simulation.summary if simulation is not None else {}, measured)
+    if simulation is not None:
+        simulation.close()
+    del simulation
+    gc.collect()  # the next run needs the memory of the device
+    return row
+
+
+def _free(folder: Path | None) -> Path | None:
+    """The run folder, emptied of what an attempt that was cut off has left."""
+    if folder is not None and folder.exists():
+        import shutil
+
+        shutil.rmtree(folder, ignore_errors=True)
+    return folder
+
+
+def _measure(task: Task, simulation: Simulation) -> tuple[dict[str, float | None], str | None]:
+    """The measurements of a finished run, and why some could not be taken."""
+    found: dict[str, float | None] = {}
+    notes = []
+    source = Results(simulation.case, None, simulation._gauges, None, simulation.model.time)
+    for name, spec in task.measure.items():
+        if spec.reference is not None:
+            entry = simulation.summary["errors"].get(spec.reference, {"error": None, "note": "the reference was taken out"})
+            found[name] = entry["error"]
+            notes += [f"{name}: {entry['note']}"] if entry["error"] is None else []
+            continue
+        try:
+            found[name] = gauge_number(spec, source)[0]
+        except NotComparable as reason:
+            found[name] = None
+            notes.append(f"{name}: {reason}")
+    return found, "; ".join(notes) or None
