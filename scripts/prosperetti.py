@@ -12,7 +12,8 @@ z_i are the roots of
 
     z^4 - 4 beta sqrt(n) z^3 + 2 (1 - 6 beta) n z^2 + 4 (1 - 3 beta) n^(3/2) z + (1 - 4 beta) n^2 + omega^2
 
-and Z_i the products of the differences z_j - z_i to the other three. For different kinematic viscosities there is no such form.
+and Z_i the products of the differences z_j - z_i to the other three. For different kinematic viscosities there is no such
+form.
 """
 
 from __future__ import annotations
