@@ -540,6 +540,26 @@ def basin(dimension: int, gauge: Mapping[str, Any]) -> Case:
     )
 
 
+def three_layers(dimension: int, gauge: Mapping[str, Any]) -> Case:
+    """A case of three phases in layers that has one gauge."""
+    domain = {"lower": [0.0] * dimension, "upper": [1.0] * dimension, "boundary": dict.fromkeys("xyz"[:dimension], "wall")}
+    return Case.from_dict(
+        {
+            "dimension": dimension,
+            "particle_spacing": 0.1,
+            "end_time": 1.0,
+            "domain": domain,
+            "phases": {name: {"density": 1000} for name in ("oil", "water", "air")},
+            "fluids": [
+                {"phase": "water", "shape": {"where": {"condition": "y < 0.3"}}},
+                {"phase": "oil", "shape": {"where": {"condition": "y > 0.3 and y < 0.6"}}},
+                {"phase": "air", "shape": "rest"},
+            ],
+            "gauges": {"g": gauge},
+        }
+    )
+
+
 def columns(kind: str) -> str:
     """The columns of a gauge in the scene above, with their units in two and three dimensions."""
     keys: dict[str, Any] = {"type": kind, "interval": 0.1}
@@ -559,11 +579,11 @@ def columns(kind: str) -> str:
             keys |= {"area": 1, "lift": [0, 0, 1]} if dimension == 3 else {}
         elif kind == "surface_stress":
             keys |= {"speed": 1, "phase": "liquid"}
-        elif kind == "contour":
-            keys |= {"mirror": "x"}
+        elif kind in ("contour", "lens"):
+            keys |= {"mirror": "x"} if kind == "contour" else {"phase": "oil"}
             if dimension == 3:
                 continue
-        made = {"flow_rate": channel, "budget": basin}.get(kind, scene)
+        made = {"flow_rate": channel, "budget": basin, "lens": three_layers}.get(kind, scene)
         case = made(dimension, keys)
         gauge = gauges.GAUGES[kind]("g", case.gauges["g"], case)
         for column in gauge.columns:

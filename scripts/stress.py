@@ -6,9 +6,10 @@
 
 The second form runs N random scenes of 20 000 steps, seeds S and following, and judges them: `random_scenes.py`.
 
-The first: four two-phase scenes in a unit box, radius or layer R = 0.25: a static drop (periodic, tension), a layered
-tank at rest (walls, gravity), a drop stirred by Taylor-Green vortices (periodic, tension), a rising bubble (walls,
-gravity, tension). Each runs at a base point, with one axis of AXES changed at a time, and at random points (`--random`,
+The first: seven scenes in a unit box, radius or layer R = 0.25: a static drop (periodic, tension), a layered tank at rest
+(walls, gravity), a drop stirred by Taylor-Green vortices (periodic, tension), a rising bubble (walls, gravity, tension), a
+standing capillary wave, a lens of a third phase between the two (tensions 5 : 4 : 3), a drop that hits a floor (walls,
+tension). Each runs at a base point, with one axis of AXES changed at a time, and at random points (`--random`,
 `--seed`). `--point` runs one point alone, e.g. `--only bubble --point density_ratio=10000 noise=0.3`. All numerics are
 `auto` but for what an axis sets.
 
@@ -97,14 +98,14 @@ class Scene:
     """A scene, with what its numbers are measured against.
 
     case: point -> case as plain data
-    speed: point -> speed that its forces can give the heavy and the light phase [m/s]
+    speed: point -> speed that its forces can give each phase, the heavy one and the light one first [m/s]
     speed_limit: largest share of it
     energy: point -> energy that is at play [J/m]
     drift: speed that the mean velocity is compared with [m/s]; None where walls take momentum
     """
 
     case: Callable[[Point], dict[str, Any]]
-    speed: Callable[[Point], tuple[float, float]]
+    speed: Callable[[Point], tuple[float, ...]]
     speed_limit: float
     energy: Callable[[Point], float]
     drift: float | None
@@ -202,6 +203,61 @@ def bubble(point: Point) -> dict[str, Any]:
     }
 
 
+def layers(point: Point, viscosity: float) -> dict[str, Any]:
+    """Periodic along x with a floor and a ceiling; the rest as in `common`."""
+    case = common(point, viscosity, "wall")
+    case["domain"]["boundary"]["x"] = "periodic"
+    return case
+
+
+def wave(point: Point) -> dict[str, Any]:
+    """Capillary wave of the height 0.05 on the heavy phase, sigma = wavelength = 1, mu/sqrt(rho sigma 2R) = 0.01 of it."""
+    shape = {"where": {"condition": "y < 0.5 + 0.05*cos(2*pi*x)"}}
+    case = layers(point, 0.01 * math.sqrt(2 * RADIUS))
+    return {
+        **case,
+        "surface_tension": tension(1.0),
+        "fluids": [{"phase": "heavy", "shape": shape}, {"phase": "light", "shape": "rest"}],
+    }
+
+
+LENS_TENSIONS = {("heavy", "light"): 1.0, ("heavy", "oil"): 0.8, ("light", "oil"): 0.6}
+
+
+def lens(point: Point) -> dict[str, Any]:
+    """Disc of oil, as dense and viscous as the heavy phase, half in it and half in the light one: it becomes a lens.
+
+    The largest tension is 1, mu/sqrt(rho sigma 2R) = 0.1 of the heavy phase.
+    """
+    case = layers(point, 0.1 * math.sqrt(2 * RADIUS))
+    case["phases"]["oil"] = dict(case["phases"]["heavy"])
+    below = {"where": {"condition": f"y < 0.5 and (x - 0.5)**2 + (y - 0.5)**2 > {RADIUS**2}"}}
+    return {
+        **case,
+        "surface_tension": [{"between": list(pair), "coefficient": value} for pair, value in LENS_TENSIONS.items()],
+        "fluids": [{"phase": "heavy", "shape": below}, *disc("oil", "light", [0.5, 0.5])],
+    }
+
+
+IMPACT_TENSION = 2 * RADIUS / 80
+IMPACT_HEIGHT = 0.375  # of the middle: half a radius above the floor
+
+
+def impact(point: Point) -> dict[str, Any]:
+    """Drop of the heavy phase that hits the floor at the speed 1.
+
+    Weber number rho U^2 2R/sigma = 80, Reynolds number U 2R/nu = 500 of the heavy phase.
+    """
+    case = common(point, 2 * RADIUS / 500, "wall")
+    square = f"(x - 0.5)**2 + (y - {IMPACT_HEIGHT})**2"
+    case["start"]["velocity"] = ["0", f"where({square} < {RADIUS**2}, -1, 0)"]
+    return {
+        **case,
+        "surface_tension": tension(IMPACT_TENSION),
+        "fluids": disc("heavy", "light", [0.5, IMPACT_HEIGHT]),
+    }
+
+
 def plus(speed: float, more: tuple[float, float]) -> tuple[float, float]:
     return speed + more[0], speed + more[1]
 
@@ -226,6 +282,24 @@ SCENES = {
         lambda point: plus(math.sqrt(2 * RADIUS), capillary(BUBBLE_TENSION, point)),
         2.0,
         lambda point: AREA * (1 - RADIUS - BUBBLE_HEIGHT) + BUBBLE_TENSION * PERIMETER,
+        None,
+    ),
+    # at rest and in small waves half of what the whole Laplace jump would give, as for the drop
+    "wave": Scene(wave, lambda point: capillary(1.0, point), 0.5, lambda point: 1.0, None),
+    "lens": Scene(
+        lens,
+        lambda point: (*capillary(1.0, point), capillary(1.0, point)[0]),
+        0.5,
+        lambda point: 1 - 2 * RADIUS + 0.7 * PERIMETER,
+        None,
+    ),
+    # The edge of the wetted floor runs at U sqrt(R/(U t)) after the touch, and the sheet that it throws out at twice that
+    # (Wagner 1932): the fastest that a spacing resolves is at U t = dx. The light phase leaves a film of one spacing.
+    "impact": Scene(
+        impact,
+        lambda point: (math.sqrt(point.resolution), point.resolution + capillary(IMPACT_TENSION, point)[1]),
+        2.0,
+        lambda point: 0.5 * AREA + IMPACT_TENSION * PERIMETER,
         None,
     ),
 }
@@ -305,7 +379,7 @@ def sample(model: Any, energy_of: Any, contour_of: Any) -> dict[str, Any]:
     speed = np.linalg.norm(snapshot.velocity, axis=1)
     domain, tensions = model.case.domain, model.case.surface_tension
     strays = 0
-    for phase in (0, 1):
+    for phase in range(len(model.case.phases)):
         strays += int(
             isolated(
                 snapshot.position[snapshot.phase == phase],
@@ -317,17 +391,35 @@ def sample(model: Any, energy_of: Any, contour_of: Any) -> dict[str, Any]:
             ).sum()
         )
     energies = measure(energy_of, snapshot)
-    surface = tensions[0].coefficient * measure(contour_of, everything)["perimeter heavy"] if tensions else 0.0
+    surface = surface_energy(tensions, measure(contour_of, everything)) if tensions else 0.0
     mass = np.asarray(snapshot.mass, np.float64)
     return {
         "finite": True,
         "time": snapshot.time,
         "step": snapshot.step,
-        "speed": [float(speed[snapshot.phase == phase].max(initial=0.0)) for phase in (0, 1)],
+        "speed": [
+            float(speed[snapshot.phase == phase].max(initial=0.0)) for phase in range(len(model.case.phases))
+        ],
         "energy": {name: energies[name] for name in ("kinetic", "potential", "elastic")} | {"surface": surface},
         "mean_velocity": (mass @ np.asarray(snapshot.velocity, np.float64) / mass.sum()).tolist(),
         "strays": strays,
     }
+
+
+def surface_energy(tensions: Any, lines: dict[str, float]) -> float:
+    """Tension times length of all interfaces, from the perimeters of the phases [J/m].
+
+    Of three phases with the pairs ij, jk and ki the perimeter of i is L_ij + L_ki, so that
+    sum over pairs of sigma_ij L_ij = sum over phases of (sigma_ij + sigma_ki - sigma_jk)/2 times perimeter of i.
+    """
+    if len(tensions) == 1:
+        return float(tensions[0].coefficient * lines["perimeter heavy"])
+    every = sum(pair.coefficient for pair in tensions)
+    energy = 0.0
+    for name in {name for pair in tensions for name in pair.between}:
+        own = sum(pair.coefficient for pair in tensions if name in pair.between)
+        energy += (own - 0.5 * every) * lines[f"perimeter {name}"]
+    return energy
 
 
 def measure(gauge: Any, snapshot: Any) -> dict[str, float]:

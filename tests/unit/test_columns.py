@@ -27,6 +27,7 @@ WHERE = {
     "interface_wave": {"phase": "water", "wavelength": 0.5},
     "surface_stress": {"speed": 1, "density": 1},
     "fragments": {"phases": ["oil"], "largest": 2},
+    "lens": {"phase": "oil"},
     "elevation": {"places": [[0.1, 0.1], [0.5, 0.1]]},
     "points": {"points": [[0.1] * 3], "fields": FIELDS},
     "line": {"from": [0.1] * 3, "to": [0.9] * 3, "count": 3, "fields": FIELDS},
@@ -55,6 +56,7 @@ EXPECTED = {
         "|".join(f"{name} {phase}" for phase in ("water", "oil") for name in (*SAMPLED.split()[3:6], "max_speed")), {"m/s"}
     ),
     "strays": ("water|oil", {"1"}),
+    "lens": ("angle water|angle oil|angle air|width", {"rad", "m"}),
     "deformation": (
         "|".join(
             f"{name} {phase}"
@@ -103,6 +105,17 @@ SCENE = {
         "phases": {"water": {"density": 1000}},
         "fluids": [{"phase": "water", "shape": "rest"}],
     },
+    "lens": {
+        "dimension": 2,
+        "domain": {"lower": [0, 0], "upper": [1, 1], "boundary": {"x": "wall", "y": "wall"}},
+        "phases": {name: {"density": 1000} for name in ("water", "oil", "air")},
+        "fluids": [
+            {"phase": "water", "shape": {"box": {"lower": [0, 0], "upper": [1, 0.3]}}},
+            {"phase": "oil", "shape": {"box": {"lower": [0, 0.3], "upper": [1, 0.6]}}},
+            {"phase": "air", "shape": "rest"},
+        ],
+        "bodies": {},
+    },
     "budget": {
         "phases": {"water": {"density": 1000}},
         "fluids": [{"phase": "water", "shape": "rest"}],
@@ -130,7 +143,7 @@ def test_each_type_of_gauge_has_a_model_columns_and_a_measurement():
     written["points"] |= {"points": [[0.1] * 2]}
     for kind in ("line", "reattachment"):
         written[kind] |= {"from": [0.1] * 2, "to": [0.9] * 2}
-    for kind in ("flow_rate", "force_coefficients", "surface_stress", "budget"):  # inlets, bodies, one scheme
+    for kind in ("flow_rate", "force_coefficients", "surface_stress", "budget", "lens"):  # needs of their own
         del written[kind]
     case = case_of(FULL, gauges=written, reference={})
     for kind, spec in case.gauges.items():

@@ -83,7 +83,7 @@ def test_a_point_from_the_command_line(stress):
 # ---- scenes ----------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", ["drop", "tank", "stirred", "bubble"])
+@pytest.mark.parametrize("name", ["drop", "tank", "stirred", "bubble", "wave", "lens", "impact"])
 def test_scenes_are_valid_at_every_point_and_have_its_numbers(stress, name):
     axes = stress.axes_for(gpu=True, quick=False)
     scene = stress.SCENES[name]
@@ -107,7 +107,10 @@ def test_scenes_are_valid_at_every_point_and_have_its_numbers(stress, name):
 def test_what_the_scenes_hold(stress):
     point = stress.Point(density_ratio=100.0, resolution=20)
     area = math.pi / 16
-    for name, expected in (("drop", area), ("tank", 0.5), ("stirred", area), ("bubble", 1 - area)):
+    for name, expected in (
+        ("drop", area), ("tank", 0.5), ("stirred", area), ("bubble", 1 - area),
+        ("wave", 0.5), ("lens", 0.5 - area / 2), ("impact", area),
+    ):  # fmt: skip
         case = Case.from_dict(stress.SCENES[name].case(point))
         geometry = build(case, support_radius(case))
         fluid = geometry.kind == 0
@@ -118,6 +121,29 @@ def test_what_the_scenes_hold(stress):
     kinetic = 0.5 * np.where(geometry.phase == 0, 1.0, 0.01) * (geometry.velocity**2).sum(axis=1) * geometry.volume
     surface = 0.5 * 2 * math.pi * 0.25
     assert stress.SCENES["stirred"].energy(point) == pytest.approx(kinetic.sum() + surface, rel=0.05)
+
+
+def test_surface_energy_of_three_phases_is_that_of_their_lines(stress):
+    """Disc half in the heavy phase: two half circles and what they leave of the straight line, each with its tension."""
+    case = Case.from_dict(stress.lens(stress.Point(density_ratio=10.0)))
+    lengths = {("heavy", "light"): 0.5, ("heavy", "oil"): math.pi / 4, ("light", "oil"): math.pi / 4}
+    lines = {
+        f"perimeter {name}": sum(length for pair, length in lengths.items() if name in pair) for name in case.phases
+    }
+    expected = 0.5 * 1.0 + math.pi / 4 * (0.8 + 0.6)
+    assert stress.surface_energy(case.surface_tension, lines) == pytest.approx(expected)
+    assert stress.SCENES["lens"].energy(stress.Point()) == pytest.approx(expected)
+
+
+def test_the_drop_that_hits_the_floor_has_its_numbers(stress):
+    case = Case.from_dict(stress.impact(stress.Point(resolution=20)))
+    heavy, sigma = case.phases["heavy"], case.surface_tension[0].coefficient
+    assert heavy.density * 0.5 / sigma == pytest.approx(80)
+    assert heavy.density * 0.5 / heavy.viscosity == pytest.approx(500)
+    geometry = build(case, support_radius(case))
+    fluid = geometry.kind == 0
+    falls = geometry.velocity[fluid][:, 1] == -1
+    assert np.count_nonzero(falls != (geometry.phase[fluid] == 0)) <= 0.01 * np.count_nonzero(falls)
 
 
 def test_the_bubble_starts_in_balance(stress):

@@ -82,6 +82,10 @@ def _check_gauge(case: Any, name: Any, gauge: Any) -> Problems:
     elif gauge.type in ("deformation", "fragments"):
         for position, phase in enumerate(gauge.phases or ()):
             yield from known_phase(case, f"{path}.phases.{position}", phase)
+    elif gauge.type == "lens":
+        yield from known_phase(case, f"{path}.phase", gauge.phase)
+        if case.dimension != 2 or len(case.phases) != 3:
+            yield Problem(f"{path}.type", gauge.type, "needs dimension: 2 and three phases", "use contour or extents")
     elif gauge.type == "interface_length":
         if len(case.phases) < 2:
             yield Problem(f"{path}.type", gauge.type, "needs at least two phases", "delete the gauge")

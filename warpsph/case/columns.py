@@ -189,6 +189,10 @@ def _fragments(spec: Any, case: Any, phases: _Names, axes: _Names) -> list[Colum
     return [Column(f"{name} {phase}", unit) for phase in spec.phases or phases for name, unit in units]
 
 
+def _lens(spec: Any, case: Any, phases: _Names, axes: _Names) -> list[Column]:
+    return [*(Column(f"angle {phase}", "rad") for phase in phases), Column("width", "m")]
+
+
 def _phase_velocity(spec: Any, case: Any, phases: _Names, axes: _Names) -> list[Column]:
     names = (*(f"velocity_{axis}" for axis in axes), "max_speed")
     return [Column(f"{name} {phase}", "m/s") for phase in phases for name in names]
@@ -285,6 +289,7 @@ _COLUMNS: dict[str, Callable[[Any, Any, _Names, _Names], list[Column]]] = {
     "contour": _contour,
     "deformation": _deformation,
     "fragments": _fragments,
+    "lens": _lens,
     "phase_velocity": _phase_velocity,
     "strays": _strays,
     "wall_force": _wall_force,

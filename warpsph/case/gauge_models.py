@@ -127,6 +127,13 @@ class FragmentsGauge(GaugeModel):
     )
 
 
+class LensGauge(GaugeModel):
+    """The angles at the rim of a lens of one phase between two others (2-D)."""
+
+    type: Literal["lens"] = Field(description="angles at the rim of a lens between two other phases, and its width (2-D)")
+    phase: Name = Field(description="phase of the lens", examples=["oil"])
+
+
 class PhaseVelocityGauge(GaugeModel):
     """Mean velocity of each phase."""
 
@@ -294,6 +301,7 @@ GAUGES: dict[str, type[GaugeModel]] = {
     "contour": ContourGauge,
     "deformation": DeformationGauge,
     "fragments": FragmentsGauge,
+    "lens": LensGauge,
     "phase_velocity": PhaseVelocityGauge,
     "strays": StraysGauge,
     "wall_force": WallForceGauge,
@@ -358,6 +366,7 @@ Gauge = Annotated[
     | Annotated[ContourGauge, Tag("<contour>")]
     | Annotated[DeformationGauge, Tag("<deformation>")]
     | Annotated[FragmentsGauge, Tag("<fragments>")]
+    | Annotated[LensGauge, Tag("<lens>")]
     | Annotated[PhaseVelocityGauge, Tag("<phase_velocity>")]
     | Annotated[StraysGauge, Tag("<strays>")]
     | Annotated[WallForceGauge, Tag("<wall_force>")]

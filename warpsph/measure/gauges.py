@@ -10,6 +10,7 @@
 | contour | `perimeter gas`, `circularity gas`, `filling gas`, `lowest_x gas`, `highest_x gas` ... (2-D) |
 | deformation | `long_axis gas`, `short_axis gas`, `deformation gas`, `angle gas` (3-D: `direction_x gas` ...) ... |
 | fragments | `count gas`, `area_1 gas` (3-D: `volume_1 gas`) ..., `rest gas` ... |
+| lens | `angle oil`, `angle water`, `angle air`, width (2-D) |
 | phase_velocity | `velocity_x gas` ..., `max_speed gas` |
 | strays | the name of each phase |
 | interface_length | interface_length |
@@ -51,6 +52,7 @@ from warpsph.measure.elevation import ElevationGauge
 from warpsph.measure.flow_gauges import FlowRateGauge, ReattachmentGauge
 from warpsph.measure.gauge import Gauge, Needs
 from warpsph.measure.gauge_files import GaugeFile
+from warpsph.measure.lens_gauge import LensGauge
 from warpsph.measure.phase_gauges import (
     BudgetGauge,
     EnergyGauge,
@@ -76,6 +78,7 @@ GAUGES: dict[str, type[Gauge]] = {
     "contour": ContourGauge,
     "deformation": DeformationGauge,
     "fragments": FragmentsGauge,
+    "lens": LensGauge,
     "phase_velocity": PhaseVelocityGauge,
     "strays": StraysGauge,
     "interface_length": InterfaceLengthGauge,
