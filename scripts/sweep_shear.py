@@ -4,7 +4,8 @@
                                   [--processes N] [--device cpu|cuda:0] [--scheduler ADDRESS]
 
 Runs `cases/shear_drop.yaml` (Re = 0.1, equal densities, 8 R x 8 R) until the drop is steady and writes
-OUTPUT/table.csv, table.h5, D.png and angle.png. Ratios of viscosities are those of the drop over the matrix. The same command goes on where it stopped.
+OUTPUT/table.csv, table.h5, D.png and angle.png. Ratios of viscosities are those of the drop over the matrix. The same
+command goes on where it stopped.
 """
 
 from __future__ import annotations
