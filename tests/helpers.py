@@ -201,7 +201,7 @@ class Setup:
         params.zeta = zeta
         params.room = room
         params.inv_window = 1.0 / self.support**2
-        params.window_norm = 1.0 / window_integral(d, self.support)
+        params.window_norm = 1.0 / window_integral(d, self.support, 4 if spec.scheme == "riemann" else 2)
         params.tiny = (1.0e-6 * self.h) ** 2
         self.params = params
         Phase = make_phase(spec.precision)

@@ -62,9 +62,10 @@ KERNELS: dict[str, SmoothingKernel] = {
 }
 
 
-def window_integral(dimension: int, radius: float) -> float:
-    """Return the integral of (1 - r^2/R^2)^2 over the ball of radius R [m] in 1, 2 or 3 dimensions [m^d]."""
-    return (16 / 15, PI / 3, 32 * PI / 105)[dimension - 1] * radius**dimension
+def window_integral(dimension: int, radius: float, power: int = 2) -> float:
+    """Return the integral of (1 - r^2/R^2)^power, power 2 or 4, over the ball of radius R [m] in 1 to 3 dimensions [m^d]."""
+    unit = {2: (16 / 15, PI / 3, 32 * PI / 105), 4: (256 / 315, PI / 5, 512 * PI / 3465)}[power]
+    return unit[dimension - 1] * radius**dimension
 
 
 @functools.cache

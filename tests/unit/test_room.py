@@ -78,8 +78,8 @@ def test_relaxation_towards_the_room(dimension, device):
     bench.prepare()
     dt, radius = 1e-6, bench.support
     d2 = ((x[:, None] - x[None]) ** 2).sum(axis=2)
-    weighted = (np.maximum(1 - d2 / radius**2, 0.0) ** 2) @ volume
-    expected = 0.7 * np.sqrt(8.0) * (weighted / window_integral(dimension, radius) - 1)
+    weighted = (np.maximum(1 - d2 / radius**2, 0.0) ** 4) @ volume
+    expected = 0.7 * np.sqrt(8.0) * (weighted / window_integral(dimension, radius, 4) - 1)
     inside = deep(x, 0.36)
     assert inside.sum() > 30 and np.abs(expected[inside]).max() > 0.01
     np.testing.assert_allclose((change_of_density(bench, dt) / dt)[inside], expected[inside], rtol=1e-6, atol=1e-6)
@@ -99,7 +99,7 @@ def test_all_phases_take_room(device):
         bench.prepare()
         changes.append(change_of_density(bench, 1e-6) / 1e-6)
     d2 = ((x[:, None] - x[None]) ** 2).sum(axis=2)
-    weighted = (np.maximum(1 - d2 / bench.support**2, 0.0) ** 2) @ volume / window_integral(2, bench.support)
+    weighted = (np.maximum(1 - d2 / bench.support**2, 0.0) ** 4) @ volume / window_integral(2, bench.support, 4)
     strength = (changes[1] - 1.1 * changes[0]) / 0.1
     inside = deep(x, 0.36)
     assert strength[inside].min() > 0.5
@@ -118,17 +118,17 @@ def test_walls_take_room(device):
     )
     bench.prepare()
     rate = change_of_density(bench, 1e-6) / 1e-6
-    # what a lattice shows; |grad v| is smaller at a slip wall, which has no part in it
-    assert 0.001 < rate.max() / np.sqrt(8.0) < 0.004
-    assert rate.min() > 0
+    # of the sum over a square lattice 2e-5 is missing; |grad v| is smaller at a slip wall, which has no part in it
+    assert np.abs(rate).max() / np.sqrt(8.0) < 3e-5
 
 
-@pytest.mark.parametrize("dimension, volume", [(1, 16 / 15), (2, np.pi / 3), (3, 32 * np.pi / 105)])
-def test_window_integral(dimension, volume):
+@pytest.mark.parametrize("power", [2, 4])
+@pytest.mark.parametrize("dimension", [1, 2, 3])
+def test_window_integral(dimension, power):
     r = (np.arange(20000) + 0.5) / 20000
     shell = {1: 2.0 * r**0, 2: 2 * np.pi * r, 3: 4 * np.pi * r**2}[dimension]
-    assert ((1 - r**2) ** 2 * shell).sum() / 20000 == pytest.approx(volume, rel=1e-6)
-    assert window_integral(dimension, 0.3) == pytest.approx(volume * 0.3**dimension)
+    volume = ((1 - r**2) ** power * shell).sum() / 20000
+    assert window_integral(dimension, 0.3, power) == pytest.approx(volume * 0.3**dimension, rel=1e-6)
 
 
 @pytest.mark.parametrize(
