@@ -20,7 +20,7 @@ from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, types, types_of
 from warpsph.kernels.core.time_signals import GRAVITY_NOW, make_forcing
 
 from .body_flow import make_body_flow
-from .star import make_jump, make_star
+from .star import make_carried, make_jump, make_star
 
 PRESSED = 1.1  # density over that at rest from which on the impedance follows it
 LOUDEST = 0.01  # of rho c^2, the pressure of compression that sound speeds are made for: damping goes up to it
@@ -103,7 +103,7 @@ def make_continuity(spec: Spec) -> Any:
     separation = separation_of(spec)
     list_begin, list_step, neighbour, Listed = list_access(spec)
     star_velocity, _ = make_star(spec.precision, spec.paper_star)
-    laplace_jump = make_jump(spec.precision)
+    laplace_jump, carried = make_jump(spec.precision), make_carried(spec.dimension, spec.precision)
     hardening, damping, damps = make_hardening(spec.precision), make_damping(spec), spec.acoustic_damping
     gravity_of, _ = make_forcing(spec)
     periodic, jumps = any(spec.periodic), spec.tension == "pressure_jump"
@@ -222,11 +222,8 @@ def make_continuity(spec: Spec) -> Any:
                         )
                         if wp.static(sided):
                             # what the weights leave out, from the own phase of the denser particle (`interface_flow`)
-                            lacking = (own.density - other.density) / (own.density + other.density)
-                            dense = i
-                            if lacking < real(0.0):
-                                dense = j
-                            u_star += real(0.5) * lacking * inv_r * wp.dot(velocity_gradient[dense] * d, d)
+                            dense = wp.where(own.density < other.density, j, i)
+                            u_star += carried(own.density, other.density, velocity_gradient[dense], d) * inv_r
                         rate += real(2.0) * f * (wp.dot(vi, d) + r * u_star)
         while k < end:
             j = neighbour(neighbours, i, k)

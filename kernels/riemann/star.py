@@ -76,6 +76,22 @@ def make_jump(precision: str) -> Any:
     return laplace_jump
 
 
+@functools.cache
+def make_carried(dimension: int, precision: str) -> Any:
+    """Return the `wp.func` carried(rho_i, rho_j, G, d) = (rho_i - rho_j)/(rho_i + rho_j) d.G d/2 [m^2/s].
+
+    G is the velocity gradient on the side of the denser particle, d = x_i - x_j. Over the distance it is what u* lacks: its
+    weights leave a dense particle 2 rho_j/(rho_i + rho_j) of what the velocity changes towards a light one.
+    """
+    real, vec, mat, _ = types(dimension, precision)
+
+    @wp.func
+    def carried(rho_i: real, rho_j: real, gradient: mat, d: vec):
+        return real(0.5) * (rho_i - rho_j) / (rho_i + rho_j) * wp.dot(gradient * d, d)
+
+    return carried
+
+
 class OneSided(NamedTuple):
     """`wp.func`s of the one-sided problem at a wall, see `momentum`."""
 

@@ -83,7 +83,7 @@ class InterfaceWaveGauge(GaugeModel):
     phase: Name = Field(description="the phase below the interface", examples=["water"])
     wavelength: PositiveNumber = Field(description="m; the domain holds a whole number of them", examples=[1.0])
     axis: Annotated[Literal["x", "y"], ChoiceRule()] = Field(
-        default="x", description="along the wave; the last axis of the scene is upwards"
+        default="x", description="along the wave; the last axis of the scene is upwards", examples=["x"]
     )
 
 
