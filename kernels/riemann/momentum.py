@@ -141,6 +141,7 @@ def make_momentum(spec: Spec) -> Any:
             own = phases[own_phase]
         wrapped = bool(False)
         near = bool(False)
+        beside = bool(False)  # another phase is within the support, and not just in the list
         band = bool(False)
         if wp.static(periodic or spec.multiphase):
             flag = int(flags[i])
@@ -216,6 +217,7 @@ def make_momentum(spec: Spec) -> Any:
                         if wp.static(spec.shifting):
                             even += real(APART) * fd
                         other = phases[other_phase]
+                        beside = beside or f != real(0.0)
                         jump = real(0.0)
                         if wp.static(jumps):
                             sigma = tension[own_phase * phases.shape[0] + other_phase]
@@ -494,7 +496,7 @@ def make_momentum(spec: Spec) -> Any:
                     whole = whole and wall_neighbours[i] == wp.int16(0)
                 strain = shear
                 if wp.static(spec.multiphase):
-                    if near:
+                    if beside:
                         if wp.static(sided):
                             strain = velocity_gradient[i]
                         else:
