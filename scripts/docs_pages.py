@@ -579,6 +579,8 @@ def columns(kind: str) -> str:
             keys |= {"area": 1, "lift": [0, 0, 1]} if dimension == 3 else {}
         elif kind == "surface_stress":
             keys |= {"speed": 1, "phase": "liquid"}
+        elif kind == "interface_wave":
+            keys |= {"phase": "liquid", "wavelength": 1.0}
         elif kind in ("contour", "lens"):
             keys |= {"mirror": "x"} if kind == "contour" else {"phase": "oil"}
             if dimension == 3:
