@@ -5,6 +5,7 @@ import csv
 import json
 import os
 import signal
+import sys
 from pathlib import Path
 
 import h5py
@@ -279,6 +280,36 @@ def dies_once(task):
         mark.write_text(str(os.getpid()), encoding="utf-8")
         os.kill(os.getpid(), signal.SIGKILL)
     return execute(task)
+
+
+def test_a_scheduler_by_its_address(monkeypatch):
+    """The workers of a cluster that was there before; nobody is at another address."""
+    import distributed
+
+    plan = study(parameters={"end_time": [0.002, 0.004]})
+    with distributed.LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=None) as cluster:
+        table = sweep(plan, "out", scheduler=cluster.scheduler_address, threads=1)
+    assert [row["status"] for row in table.rows] == ["finished"] * 2
+    monkeypatch.setattr(sweeps, "PATIENCE", 0.5)
+    with pytest.raises(CaseError, match="--scheduler.*cannot be reached"):
+        sweep(plan, "other", scheduler="tcp://127.0.0.1:9", threads=1)
+
+
+def test_without_dask_it_says_how_to_get_it(monkeypatch):
+    monkeypatch.setitem(sys.modules, "dask", None)
+    with pytest.raises(CaseError, match="pip install 'warpsph-simulator\\[dask\\]'"):
+        sweep(study(), "out", processes=2)
+
+
+def test_a_run_that_takes_too_long_is_a_row(monkeypatch):
+    """More time and another try: the study may say another time in the same folder, and nothing else."""
+    plan = study(parameters={"end_time": [0.002, 900.0]}, wall_time=3.0)
+    table = sweep(plan, "out", threads=1)
+    assert [row["status"] for row in table.rows] == ["finished", "too slow"]
+    assert "wall time" in table.rows[1]["problem"] and table.rows[1]["steps"] > 0
+    numbers = made(monkeypatch)
+    again = sweep(plan | {"wall_time": 1.0}, "out", threads=1, retry=True)
+    assert numbers == [1] and again.rows[1]["status"] == "too slow"
 
 
 def test_the_stored_rows_are_plain_json():

@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING, Any
 from warpsph.case.case import Case
 from warpsph.case.case_file import load_case
 from warpsph.case.values import suggestion
-from warpsph.errors import MISSING, CaseError, DivergenceError, Interrupted, Problem, WarpsphError
+from warpsph.errors import MISSING, CaseError, DivergenceError, Interrupted, Problem, WallTimeReached, WarpsphError
 from warpsph.files.output import json_text
 from warpsph.files.whole_files import write_failure, write_text
 from warpsph.study.comparison import gauge_number
@@ -40,6 +40,9 @@ from warpsph.study.sweep_table import SweepTable
 if TYPE_CHECKING:
     from warpsph.simulation import Simulation
 
+PATIENCE = 20.0
+"""Seconds to wait for a scheduler."""
+
 LOSSES = 3
 """How many workers may die under a run before it counts as failed."""
 
@@ -51,6 +54,7 @@ class Task:
     data, source: the base case as plain data, and the folder of the files that it names
     changes: dotted keys and values of this run
     folder: run folder, None for a run that is not kept
+    wall_time: s that it may take
     """
 
     number: int
@@ -62,6 +66,7 @@ class Task:
     folder: Path | None
     device: str
     threads: int | None
+    wall_time: float | None = None
 
 
 Finished = Callable[[dict[str, Any], int, int], None]
@@ -168,7 +173,8 @@ def _task(
     place = folder.resolve() / "runs" / f"{number:06d}" if plan.keep_runs else None
     source = None if case.source_folder is None else case.source_folder.resolve()
     measure = dict(plan.measure)
-    return Task(number, case.to_dict(), source, point, plan.changes(point), measure, place, device, threads)
+    changes = plan.changes(point)
+    return Task(number, case.to_dict(), source, point, changes, measure, place, device, threads, plan.wall_time)
 
 
 # ---- the folder ------------------------------------------------------------------------------------------
@@ -178,7 +184,8 @@ def _claim(folder: Path, plan: Sweep, case: Case) -> None:
     """Make the folder and store the study in it, or see that the folder is one of the same study."""
     data = case.to_dict()
     data.pop("validation", None)
-    study = json.loads(json_text({**plan.to_dict(), "case": data}))
+    # how long runs may take is no part of what they are: with more of it, and `retry`, a sweep goes on
+    study = json.loads(json_text({**plan.to_dict(), "case": data, "wall_time": None}))
     path = folder / "sweep.json"
     try:
         (folder / "results").mkdir(parents=True, exist_ok=True)
@@ -254,7 +261,7 @@ def _on_dask(tasks: Sequence[Task], processes: int, address: str | None) -> _Out
             n_workers=min(processes, len(tasks)), threads_per_worker=1, processes=True, dashboard_address=None
         )
     try:
-        client = distributed.Client(cluster if cluster is not None else address, timeout="20s")
+        client = distributed.Client(cluster if cluster is not None else address, timeout=PATIENCE)
     except (OSError, ValueError) as error:
         raise CaseError([Problem("--scheduler", address, f"cannot be reached ({error})", "start dask scheduler")]) from error
     try:
@@ -304,10 +311,14 @@ def execute(task: Task) -> dict[str, Any]:
     try:
         base = Case.from_dict(task.data, task.source)
         case = _case_at(base, task.changes)
-        simulation = Simulation(case, output=_free(task.folder), device=task.device, threads=task.threads)
+        simulation = Simulation(
+            case, output=_free(task.folder), device=task.device, threads=task.threads, wall_time=task.wall_time
+        )
         simulation.run()
         measured, problem = _measure(task, simulation)
         status = "finished"
+    except WallTimeReached as error:
+        status, problem = "too slow", str(error)
     except Interrupted:
         raise
     except DivergenceError as error:

@@ -33,6 +33,7 @@ from warpsph.case.values import (
     Name,
     Number,
     NumberRule,
+    PositiveNumber,
     Times,
     as_list,
     as_mapping,
@@ -164,6 +165,9 @@ class Sweep(CaseModel):
     )
     measure: Annotated[Mapping[Name, Measurement], FreezeMapping()] = Field(
         default_factory=FrozenDict, description="name of a column -> what it holds", examples=["{error: {reference: decay}}"]
+    )
+    wall_time: PositiveNumber | None = Field(
+        default=None, description="s that a run may take, with what sets it up; else it failed", examples=["3600"]
     )
     keep_runs: bool = Field(default=False, description="keep a run folder of each run", examples=["true"])
 
