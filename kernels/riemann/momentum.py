@@ -44,9 +44,8 @@ TOUCH, STOP = 0.25, 0.1
 # (theory: riemann#a9), and the light particle of a pair takes it twice over.
 IMPACT_SHARE = 0.25
 # How much more than its volume a particle of another phase counts for the shift. At rest nothing else holds two phases
-# apart: pressure and jump are in balance for any arrangement, and noise would mix them (measured on a drop of density
-# ratio 1 in a nearly inviscid fluid, 6 particles a radius: dispersed without, whole from 0.1 on). More of it opens the
-# interface: 0.25 adds 1 % to the jump of a drop of 13 particles a radius.
+# apart: pressure and jump are in balance for any arrangement, and noise would mix them. It opens every interface by a tenth
+# of a spacing; drops at rest are whole without it too, late interfaces are worse (docs/records/formulation.md#room).
 APART = 0.1
 SMALLEST_MOMENT = 0.1  # determinant below which a neighbourhood is too thin to correct
 
