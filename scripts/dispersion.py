@@ -175,14 +175,17 @@ class LinearStep:
 
 
 def main() -> None:
-    """Print the rates of waves of 48 spacings and less."""
+    """Print the rates of waves of the length of the box and less."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--density", type=float, default=1.0, help="of the lower fluid over that of the upper")
     parser.add_argument("--viscosity", type=float, default=0.1265, help="kinematic, in spacings^2/s")
+    parser.add_argument("--columns", type=int, default=48, help="of particles: the longest wave [spacings]")
+    parser.add_argument("--rows", type=int, default=32, help="of particles, half of them in each fluid")
     parser.add_argument("--step", type=float, default=0.05, help="time step [s]")
     parser.add_argument("--set", nargs="*", default=[], metavar="KEY=VALUE", help="further keys of numerics")
     options = parser.parse_args()
-    linear = LinearStep(options.density, options.viscosity, step=options.step, **dict(t.split("=", 1) for t in options.set))
+    numerics = dict(text.split("=", 1) for text in options.set)
+    linear = LinearStep(options.density, options.viscosity, options.columns, options.rows, options.step, **numerics)
     print("| spacings a wave | exact [1/s] | program [1/s] | fastest growth [1/s] |\n|---|---|---|---|")
     for waves in range(1, linear.columns // 2):
         k, rates = 2 * np.pi * waves / linear.columns, linear.rates(waves)
@@ -190,7 +193,7 @@ def main() -> None:
         try:
             exact = exact_rate(k, (options.density, 1.0), (options.density * options.viscosity, options.viscosity), 1.0)
             nearest = rates[np.argmin(abs(rates - exact))]
-            texts = [f"{z.real:+.5f} {z.imag:+.5f}i" for z in (exact, nearest)]
+            texts = [f"{z.real:+.7f} {z.imag:+.7f}i" for z in (exact, nearest)]
         except ValueError:
             texts = ["does not swing", "-"]
         print(f"| {linear.columns / waves:.2f} | {texts[0]} | {texts[1]} | {fastest.real:+.5f} {fastest.imag:+.5f}i |")

@@ -131,7 +131,7 @@ def _check_wave(case: Any, path: str, gauge: Any) -> Problems:
     along = AXES.index(gauge.axis)
     if along >= case.dimension - 1:
         rule = f"has to lie in the interface, which the axis {AXES[case.dimension - 1]} crosses"
-        yield Problem(f"{path}.axis", gauge.axis, rule, "write x")
+        yield Problem(f"{path}.axis", gauge.axis, rule, "write x" if case.dimension > 1 else "delete the gauge")
         return
     waves = (case.domain.upper[along] - case.domain.lower[along]) / gauge.wavelength
     if round(waves) < 1 or abs(waves - round(waves)) > 1e-6 * waves:
