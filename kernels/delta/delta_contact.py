@@ -18,58 +18,49 @@ class Contact(NamedTuple):
     """`wp.func`s of contact.
 
     Attributes:
-        touch_of: touch_of(gap, spacing), 0 away from the surface, 1 where a particle is stopped.
-        braked: braked(a, approach, normal, share, rate, dt), the acceleration with the contact of a surface.
-        braked_by_cells: braked_by_cells(a, v, gap, side, speed, spacing, rate, dt), that with cells of walls.
-        held_by_cells: held_by_cells(dx, gap, side, spacing), a shift that does not go into cells that are touched.
+        braked: braked(a, v, gap, speed, normal, spacing, rate, dt), an acceleration with the contact of all surfaces.
+        held: held(dx, gap, normal, spacing), a shift that does not go into surfaces that are touched.
     """
 
-    touch_of: Any
     braked: Any
-    braked_by_cells: Any
-    held_by_cells: Any
+    held: Any
 
 
 @functools.cache
 def make_contact_of(spec: Spec) -> Contact:
     """Return the `wp.func`s of contact.
 
+    A particle may touch as many surfaces at once as there are axes: the floor, and the body that it runs into.
+
     Arguments of the functions:
-        a: acceleration [m/s^2]; dx: a shift [m]; dt: time step [s]
-        approach: speed towards the surface [m/s]; normal: into the fluid
+        a: acceleration [m/s^2]; v: velocity [m/s]; dx: a shift [m]; dt: time step [s]
+        gap, speed: of each surface, its distance [m] and its speed along its normal [m/s]
+        normal: in each row that of a surface, into the fluid; 0 where there is none
         rate: at which pairs with the wall take up speed [1/s]
-        gap, side, speed: by axis, clearance to the cell straight ahead [m], 1 if that is below and -1 if it is above, and
-            its speed along the axis [m/s]
     """
-    real, vec, _, _ = types_of(spec)
+    real, vec, mat, _ = types_of(spec)
 
     @wp.func
     def touch_of(gap: real, spacing: real):
         return wp.clamp((real(TOUCH) - gap / spacing) / real(wp.static(TOUCH - STOP)), real(0.0), real(1.0))
 
     @wp.func
-    def braked(a: vec, approach: real, normal: vec, share: real, rate: real, dt: real):
-        drive = wp.max(-wp.dot(a, normal), real(0.0))
-        brake = wp.max(approach, real(0.0)) * rate / (real(1.0) + rate * dt)  # backward Euler: it is not thrown back
-        return a + (share * (drive + brake)) * normal
-
-    @wp.func
-    def braked_by_cells(a: vec, v: vec, gap: vec, side: vec, speed: vec, spacing: real, rate: real, dt: real):
+    def braked(a: vec, v: vec, gap: vec, speed: vec, normal: mat, spacing: real, rate: real, dt: real):
         result = a
         for axis in range(wp.static(spec.dimension)):
-            share = touch_of(gap[axis], spacing)
-            if share > real(0.0):
-                normal = vec()
-                normal[axis] = side[axis]
-                result = braked(result, (speed[axis] - v[axis]) * side[axis], normal, share, rate, dt)
+            n_w = normal[axis]
+            drive = wp.max(-wp.dot(result, n_w), real(0.0))
+            approach = wp.max(speed[axis] - wp.dot(v, n_w), real(0.0))
+            brake = approach * rate / (real(1.0) + rate * dt)  # backward Euler: it is not thrown back
+            result += (touch_of(gap[axis], spacing) * (drive + brake)) * n_w
         return result
 
     @wp.func
-    def held_by_cells(dx: vec, gap: vec, side: vec, spacing: real):
+    def held(dx: vec, gap: vec, normal: mat, spacing: real):
         result = dx
         for axis in range(wp.static(spec.dimension)):
-            if dx[axis] * side[axis] < real(0.0):
-                result[axis] -= touch_of(gap[axis], spacing) * dx[axis]
+            n_w = normal[axis]
+            result -= (touch_of(gap[axis], spacing) * wp.min(wp.dot(result, n_w), real(0.0))) * n_w
         return result
 
-    return Contact(touch_of, braked, braked_by_cells, held_by_cells)
+    return Contact(braked, held)

@@ -44,7 +44,7 @@ def make_delta_momentum(spec: Spec, measuring: bool = True) -> Any:
     forms = (spec.viscosity if viscous else "radial", "radial")
     viscous_term, artificial_term = (make_viscosity(form, spec.dimension, spec.precision) for form in forms)
     limit_shift, crowding = make_limit_shift(spec), make_crowding(spec.precision)
-    touch_of, braked, braked_by_cells, held_by_cells = make_contact_of(spec)
+    braked, held = make_contact_of(spec)
     diffuses, shifts = spec.density_diffusion and measuring, spec.shifting and measuring
     measured = diffuses or (spec.free_surface and measuring)  # the moment is needed
 
@@ -74,6 +74,8 @@ def make_delta_momentum(spec: Spec, measuring: bool = True) -> Any:
         slip: wp.array(dtype=wp.uint8),
         wall_depth: wp.array(dtype=real),
         wall_normal: wp.array(dtype=vec),
+        wall_body: wp.array(dtype=int),
+        side_walls: int,
         wholeness_old: wp.array(dtype=real),
         wholeness: wp.array(dtype=real),
         pressure_gradient: wp.array(dtype=vec),
@@ -107,13 +109,10 @@ def make_delta_momentum(spec: Spec, measuring: bool = True) -> Any:
         push = vec()  # sum of [1 + R (W/W(dx))^4] F V x_ij
         moment = mat()
         into_wall = vec()  # sum F V x_ij over walls
-        nearest2 = params.spacing * params.spacing  # square of the distance to the nearest foot on a body
-        gap = params.spacing  # distance from the surface there
-        approach = real(0.0)
-        normal = vec()
-        face_gap = vec(params.spacing)  # cells: clearance along each axis to the one straight ahead [m]
-        face_side = vec()  # whether that cell is above (-1) or below (1)
-        face_speed = vec()  # speed of that cell along the axis [m/s]
+        face_gap = vec(params.spacing)  # clearance to the surface straight ahead along each axis, or nearest to it [m]
+        face_speed = vec()  # speed of that surface along its normal [m/s]
+        face_normal = mat()  # in each row its normal, into the fluid
+        face_foot2 = vec(params.spacing * params.spacing)  # bodies: square of the distance to the foot on it [m^2]
         half_cell = vec(real(0.5) * params.spacing)
         k = list_begin(i, list_width)
         step = list_step(particle_count)
@@ -164,18 +163,25 @@ def make_delta_momentum(spec: Spec, measuring: bool = True) -> Any:
                         # the one that is straight ahead
                         if wp.dot(beyond, beyond) == beyond[axis] * beyond[axis] and clear < face_gap[axis]:
                             face_gap[axis] = clear
-                            face_side[axis] = wp.sign(d[axis])
-                            face_speed[axis] = velocity[j][axis]
+                            face_normal[axis, axis] = wp.sign(d[axis])
+                            face_speed[axis] = velocity[j][axis] * wp.sign(d[axis])
                 else:
-                    n_w = wall_normal[j - fluid_count]
-                    depth = wall_depth[j - fluid_count]
-                    clear = wp.dot(d, n_w) - depth
-                    foot2 = r2 - depth * (real(2.0) * clear + depth)
-                    if foot2 < nearest2:
-                        nearest2 = foot2
-                        gap = clear
-                        normal = n_w
-                        approach = wp.dot(velocity[j] - vi, n_w)
+                    # the plane at the nearest foot, one for each axis that a normal may lie nearest to: in a corner the
+                    # foot on the floor may stay nearer than that on the body which the particle runs into
+                    w = j - fluid_count
+                    n_w = wall_normal[w]
+                    clear = wp.dot(d, n_w) - wall_depth[w]
+                    foot2 = r2 - wall_depth[w] * (real(2.0) * clear + wall_depth[w])
+                    steep = wp.max(wp.abs(n_w))
+                    # an edge of the domain is no plane: its cells are behind two sides at once
+                    plane = wall_body[w] > side_walls or steep > real(0.99)
+                    for axis in range(wp.static(spec.dimension)):
+                        if plane and wp.abs(n_w[axis]) == steep and foot2 < face_foot2[axis]:
+                            face_foot2[axis] = foot2
+                            face_gap[axis] = clear
+                            face_speed[axis] = wp.dot(velocity[j], n_w)
+                            for part in range(wp.static(spec.dimension)):
+                                face_normal[axis, part] = n_w[part]
                 if wp.static(measured):
                     moment -= wp.outer(d, fd)
                 if wp.static(diffuses):
@@ -197,14 +203,9 @@ def make_delta_momentum(spec: Spec, measuring: bool = True) -> Any:
             pressure_sign[i] = wp.int8(sign)
         a = (friction - pressures - (sign * p_i) * even) * (g_norm / rho_i)
         a += driving_force(xi, params, forcing)
-        touch = real(0.0)
         if wp.static(spec.walls):
             stiff = real(2.0) * own.sound_speed * wp.length(into_wall) * g_norm
-            if wp.static(spec.bodies):
-                touch = touch_of(gap, params.spacing)
-                a = braked(a, approach, normal, touch, stiff, real(clock[STEP]))
-            else:
-                a = braked_by_cells(a, vi, face_gap, face_side, face_speed, params.spacing, stiff, real(clock[STEP]))
+            a = braked(a, vi, face_gap, face_speed, face_normal, params.spacing, stiff, real(clock[STEP]))
         acceleration[i] = a
         if wp.dot(a, a) > maxima[slot * MAXIMA + 1]:
             wp.atomic_max(maxima, slot * MAXIMA + 1, wp.dot(a, a))
@@ -223,10 +224,8 @@ def make_delta_momentum(spec: Spec, measuring: bool = True) -> Any:
             way = wp.min(real(clock[SPEED]), shift_speed) * real(clock[STEP])
             cap = wp.min(real(0.5) * way, params.shift_cap * params.h)
             dx = limit_shift(push * (-params.shifting * way * params.h * g_norm), cap, whole, least, inward)
-            if wp.static(spec.bodies):
-                dx -= (touch * wp.min(wp.dot(dx, normal), real(0.0))) * normal
-            elif wp.static(spec.walls):
-                dx = held_by_cells(dx, face_gap, face_side, params.spacing)
+            if wp.static(spec.walls):
+                dx = held(dx, face_gap, face_normal, params.spacing)
             shift[i] = dx
             if wp.dot(dx, dx) > maxima[slot * MAXIMA + 3]:
                 wp.atomic_max(maxima, slot * MAXIMA + 3, wp.dot(dx, dx))

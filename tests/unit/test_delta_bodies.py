@@ -8,6 +8,7 @@ import pytest
 from warpsph import Simulation
 from warpsph.case.case import Case
 from warpsph.errors import CaseError
+from warpsph.kernels.delta.delta_contact import STOP
 from warpsph.running.model import Model
 
 QUIET = {"output": {"particles": "none", "checkpoint": "none"}}
@@ -88,3 +89,30 @@ def test_paper_form():
     choices = model.physics.choices
     assert choices["integrator"] == "rk4" and choices["shift_form"] == "positions" and choices["shifting"] == 2.0
     assert choices["viscosity_form"] == "radial" and choices["tension_control"] and not choices["exact_divergence"]
+
+
+@pytest.mark.parametrize("into_wall", [False, True])
+def test_a_stream_along_a_floor_does_not_enter_a_block_on_it(into_wall):
+    """Three rows of water slide along the floor into a block, in a corner with a side wall too.
+
+    The foot on the floor stays the nearest one of a particle low enough until it is within the block: it takes the
+    contact with both surfaces to keep it out. With one, six particles were three spacings deep beside the free edge.
+    """
+    side = 0.0 if into_wall else 2.0  # [spacings] from the side of the domain to the block
+    case = Case.from_dict({
+        **QUIET, "dimension": 3, "particle_spacing": 1.0, "end_time": 3.0, "gravity": [0, 0, -0.1],
+        "domain": {"lower": [-4, 0, 0], "upper": [14, 6, 9],
+                   "boundary": {"x": "free_slip", "y": "free_slip", "z": {"lower": "free_slip", "upper": "open"}}},
+        "phases": {"water": {"density": 1000, "sound_speed": 40}},
+        "fluids": [{"phase": "water", "shape": {"box": {"lower": [7, 0, 0], "upper": [14, 6, 3]}}}],
+        "bodies": {"block": {"shape": {"box": {"lower": [0.35, side, 0], "upper": [6.35, 6, 6.45]}}, "wall": "free_slip"}},
+        "start": {"velocity": [-4, 0, 0]}, "numerics": {"scheme": "delta_plus"},
+    })  # fmt: skip
+    model = Model(case, threads=1)
+    model.stepper.prepare(True)
+    for time in np.linspace(0.1, 3.0, 30):
+        model.stepper.run(time, 10**6)
+        fluid = model.snapshot().fluid
+        x, y, z = fluid.position.T
+        depth = np.minimum.reduce([6.35 - x, x - 0.35, y - side if side else np.inf + y, 6.45 - z])
+        assert depth.max() < STOP
