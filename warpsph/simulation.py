@@ -47,7 +47,7 @@ from warpsph.running.divergence import runaway_particle
 from warpsph.running.recorder import Recorder
 from warpsph.running.restarts import SAME_CASE, check_fit, check_unfinished, find_checkpoint, is_inside, reached, scene_of
 from warpsph.running.state_copy import EVERYTHING, SOURCES, StateCopy, copy_state
-from warpsph.running.summary import leak_warning, machine, solver_warnings, versions
+from warpsph.running.summary import leak_warning, machine, solver_warnings, spill_warning, spilled, versions
 from warpsph.scene.physics import Physics
 from warpsph.snapshot import Snapshot
 from warpsph.study.comparison import compare, format_comparison
@@ -514,6 +514,7 @@ class Simulation:
             },
             **self._solves(),
             **self._leaks(),
+            **self._spilled(last),
             "sound_speed": dict(zip(self.case.phase_names, self.physics.sound_speed, strict=True)),
             "smoothing_length": self.physics.h,
             "machine": machine(),
@@ -528,6 +529,15 @@ class Simulation:
         if any(most.values()):
             self._warn(leak_warning(most, last))
         return {"leaks": {"largest": most, "last": last}}
+
+    def _spilled(self, last: Snapshot | None) -> dict[str, Any]:
+        """Return the particles over the rim of an open side of a finished run for the summary; warn if there are any."""
+        if last is None or not self.case.has_open_sides:
+            return {}
+        counts = spilled(self.case, last.fluid, self.physics.support)
+        if any(counts.values()):
+            self._warn(spill_warning(counts))
+        return {"spilled": counts}
 
     def _warn(self, text: str) -> None:
         """Add a warning to the summary and the log of a run that is over."""

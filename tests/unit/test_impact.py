@@ -332,6 +332,25 @@ def test_leaks_are_counted_by_phase_and_warned_of(tmp_path):
     assert "beyond a wall" in (tmp_path / "run" / "log.txt").read_text()
 
 
+def test_water_over_the_rim_of_an_open_side_is_warned_of(tmp_path):
+    """Beyond a wall and above the rim, or deeper than the wall is thick; not above the open side, not within the wall."""
+    case = closed(
+        domain={"lower": [0, 0], "upper": [1, 1], "boundary": {"x": "wall", "y": {"lower": "wall", "upper": "open"}}},
+        fluids=[{"phase": "water", "shape": {"box": {"lower": [0, 0], "upper": [0.3, 0.3]}}}],
+        end_time=1e-4,
+    )
+    simulation = Simulation(case, output=tmp_path / "run", threads=1)
+    position = simulation.model.particles.get("anchor")
+    position[:5] = [[0.5, 1.3], [-0.01, 0.9], [-0.01, 1.2], [1.4, 0.5], [0.5, -3.0]]
+    for name in ("anchor", "position"):
+        simulation.model.particles.put(name, position)
+    simulation.model.stepper.rebuild(moving=False)
+    simulation.run()
+    assert simulation.summary["spilled"] == {"water": 3}
+    assert any("over the rim of an open side" in text and "water 3" in text for text in simulation.summary["warnings"])
+    assert "shorten the time step" in (tmp_path / "run" / "log.txt").read_text()
+
+
 @pytest.mark.parametrize("numerics", [{}, {"scheme": "isph", "pressure_gradient": "conservative"}])
 def test_leaks_into_bodies_of_cells_are_counted(numerics):
     """Several fluids leave a body of whole cells as cells; so does the conservative gradient of a scheme that mirrors."""

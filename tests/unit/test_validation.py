@@ -168,6 +168,9 @@ def test_check_also_checks_the_validation_runs(cases, command):
     (cases / "vortices.yaml").write_text(dump_yaml(scene(validation=runs)))
     code, _, err = command("check", cases / "vortices.yaml")
     assert code == 2 and "validation.fine.0.changes.particle_spacing: x -> needs a number > 0" in err
+    # runs are changes of the file: what --set takes out of a case need not suit them
+    code, _, err = command("check", cases / "vortices.yaml", "--set", "title=another")
+    assert code == 0, err
 
 
 # ---- the table -------------------------------------------------------------------------------------------

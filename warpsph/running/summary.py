@@ -7,7 +7,13 @@ import platform
 from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from warpsph.case.case import Case
+    from warpsph.snapshot import Snapshot
 
 
 def leak_warning(most: Mapping[str, int], last: Mapping[str, int]) -> str:
@@ -16,6 +22,37 @@ def leak_warning(most: Mapping[str, int], last: Mapping[str, int]) -> str:
     return (
         f"particles beyond a wall or inside a body: {counts}; what they do there means nothing. "
         "A smaller particle_spacing, or a start without a jump of the velocity at a wall, keeps them in"
+    )
+
+
+def spilled(case: Case, fluid: Snapshot, reach: float) -> dict[str, int]:
+    """Return how many particles of each phase have gone over the rim of an open side and are outside a wall of the domain.
+
+    That is who is beyond a side that is a wall, by more than the `reach` [m] of its particles, or beyond an open side too.
+    """
+    count = len(fluid.position)
+    over, behind, outside = np.zeros(count, dtype=bool), np.zeros(count, dtype=bool), np.zeros(count, dtype=bool)
+    for axis, sides in enumerate(case.sides):
+        x = fluid.position[:, axis]
+        for side, beyond in (
+            (sides.lower, case.domain.lower[axis] - x),
+            (sides.upper, x - case.domain.upper[axis]),
+        ):
+            if side.kind == "wall":
+                behind |= beyond > 0.0
+                outside |= beyond > reach
+            elif side.kind == "open":
+                over |= beyond > 0.0
+    gone = outside | (behind & over)
+    return {name: int(np.count_nonzero(gone & (fluid.phase == k))) for k, name in enumerate(case.phase_names)}
+
+
+def spill_warning(counts: Mapping[str, int]) -> str:
+    """Return the warning of particles that have gone over the rim of an open side."""
+    listed = ", ".join(f"{name} {count}" for name, count in counts.items() if count)
+    return (
+        f"particles that went over the rim of an open side and are outside: {listed}; "
+        "they fall for ever and shorten the time step. Move that side of the domain farther out, or make it a wall"
     )
 
 
