@@ -146,24 +146,6 @@ def make_keys(spec: Spec) -> Any:
 
 
 @functools.cache
-def make_permute(dtype: Any) -> Any:
-    """Return the kernel target[t] = source[order[base + t] - base] for an element type."""
-
-    @wp.kernel(module="unique", enable_backward=False)
-    def permute(
-        first: int,
-        base: int,
-        sort_order: wp.array(dtype=int),
-        source: wp.array(dtype=dtype),
-        target: wp.array(dtype=dtype),
-    ):
-        t = wp.tid() + first
-        target[t] = source[sort_order[base + t] - base]
-
-    return permute
-
-
-@functools.cache
 def make_ranges() -> Any:
     """Return the kernel cell_start[c] = first particle whose key is at least c (binary search)."""
 
