@@ -161,7 +161,7 @@ class NeighbourList:
             bindings.update(
                 frame_reach=real(1.5 * self.list_radius), frame_corners=wp.zeros(2, dtype=vec, device=device)
             )  # fmt: skip
-        bindings.update(slack_maxima=self.slack_maxima, horizon=wp.zeros(1, dtype=real, device=device))
+        bindings.update(slack_maxima=self.slack_maxima)
         if spec.varying_h:
             bindings.update(
                 cell_reach=wp.zeros(cell_count, dtype=int, device=device),
@@ -275,7 +275,9 @@ class NeighbourList:
         tasks += self._sorting
         if not self._seeks_bodies:
             tasks += self.leak_tasks("anchor")
-        tasks.append(launcher.task("ranges", cells.make_ranges(), self.cell_start.shape[0], bindings))
+        by_cells = not launcher.is_cpu
+        rows = self.cell_start.shape[0] if by_cells else n + 1
+        tasks.append(launcher.task("ranges", cells.make_ranges(by_cells), rows, bindings))
         if spec.changing:
             special = {"dead_cell": self.cell_count}
             tasks.append(launcher.task("ranges", cells.make_live(), 1, bindings, single=True, special=special))
@@ -343,7 +345,7 @@ class NeighbourList:
         bindings.update({name: self.particles.arrays[name] for name in ("offset", "velocity", "anchor", "position")})
         shift = self.particles.arrays["shift" if spec.shift_ahead else "offset"]  # the latter stands for none
         extremes, window, relative = slack.make_slack(spec)
-        set_horizon, judge = make_judge(spec.precision, spec.shift_ahead)
+        judge = make_judge(spec.precision, spec.shift_ahead)
         names = ("low_now", "high_now", "low_then", "high_then")
         cells_, spare, other = self._extremes
 
@@ -353,10 +355,7 @@ class NeighbourList:
             return found
 
         first = {"shift": shift, **arguments(cells_, spare)}
-        tasks = [
-            launcher.task("check", set_horizon, 1, bindings, single=True),
-            launcher.task("check", extremes, self.cell_count, bindings, special=first),
-        ]
+        tasks = [launcher.task("check", extremes, self.cell_count, bindings, special=first)]
         source = cells_
         for axis in range(spec.dimension):
             target = spare if source is not spare else other
