@@ -128,7 +128,7 @@ def make_regularise(spec: Spec) -> Any:
         if wp.static(spec.walls):
             end += int(wall_neighbours[i]) * step
             while k < end:
-                j = natural(neighbour(neighbours, i, k))
+                j = neighbour(neighbours, i, k)
                 k += step
                 d = apart(xi, position[j], 0, wrapped, params, sides)
                 if wp.static(spec.bodies):

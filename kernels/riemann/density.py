@@ -13,7 +13,7 @@ import warp as wp
 from warpsph.kernels.core.clock import STEP
 from warpsph.kernels.core.eos import make_eos
 from warpsph.kernels.core.fields import FLUID
-from warpsph.kernels.core.pair import NEAR, WRAPPED, list_access, natural, separation_of
+from warpsph.kernels.core.pair import NEAR, WRAPPED, list_access, separation_of
 from warpsph.kernels.core.params import make_params, make_phase
 from warpsph.kernels.core.smoothing import make_smoothing
 from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, types, types_of
@@ -181,7 +181,7 @@ def make_continuity(spec: Spec) -> Any:
                     kappa_i = curvature[i]
                     w_i = interface_weight[i]
                 while k < end:
-                    j = natural(neighbour(neighbours, i, k))
+                    j = neighbour(neighbours, i, k)
                     k += step
                     d = separation(xi, midway[j], wrapped, params)
                     r = wp.sqrt(wp.dot(d, d))
@@ -226,7 +226,7 @@ def make_continuity(spec: Spec) -> Any:
                             u_star += carried(own.density, other.density, velocity_gradient[dense], d) * inv_r
                         rate += real(2.0) * f * (wp.dot(vi, d) + r * u_star)
         while k < end:
-            j = natural(neighbour(neighbours, i, k))
+            j = neighbour(neighbours, i, k)
             k += step
             d = separation(xi, midway[j], wrapped, params)
             r = wp.sqrt(wp.dot(d, d))
@@ -255,7 +255,7 @@ def make_continuity(spec: Spec) -> Any:
         if wp.static(spec.walls and not spec.bodies):
             # one-sided Riemann problem: the mirrored state makes u* the wall velocity, no pressure difference left
             while k < end:
-                j = natural(neighbour(neighbours, i, k))
+                j = neighbour(neighbours, i, k)
                 k += step
                 d = separation(xi, position[j], wrapped, params)
                 r = wp.sqrt(wp.dot(d, d))

@@ -17,7 +17,7 @@ from typing import Any
 
 import warp as wp
 
-from warpsph.kernels.core.pair import NEAR, list_access, natural, separation_of
+from warpsph.kernels.core.pair import NEAR, list_access, separation_of
 from warpsph.kernels.core.params import make_params
 from warpsph.kernels.core.smoothing import make_smoothing
 from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, types_of
@@ -73,7 +73,7 @@ def make_interface_flow(spec: Spec) -> Any:
         step = list_step(particle_count)
         end = k + int(fluid_neighbours[i]) * step
         while k < end:
-            j = natural(neighbour(neighbours, i, k))
+            j = neighbour(neighbours, i, k)
             k += step
             d = separation(xi, position[j], True, params)
             fd = (slope(wp.sqrt(wp.dot(d, d)) * params.inv_h) * state[j][1]) * d
@@ -86,7 +86,7 @@ def make_interface_flow(spec: Spec) -> Any:
         if wp.static(spec.wall_no_slip):
             end += int(wall_neighbours[i]) * step
             while k < end:
-                j = natural(neighbour(neighbours, i, k))
+                j = neighbour(neighbours, i, k)
                 k += step
                 if slip[j - fluid_count] == wp.uint8(0):
                     d = separation(xi, position[j], True, params)
