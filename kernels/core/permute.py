@@ -11,7 +11,7 @@ from typing import Any
 
 import warp as wp
 
-RUN = {True: 16, False: 1}  # particles of a run, on a CPU and on a GPU
+RUN = {True: 64, False: 1}  # particles of a run, on a CPU and on a GPU
 BUFFER = 2**25  # bytes of copies that are made at once; more fields than fit are sorted in several rounds
 ALIGNED = 16  # bytes that the start of each copy is a multiple of
 

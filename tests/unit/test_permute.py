@@ -6,7 +6,7 @@ import warp as wp
 
 from warpsph.kernels.core import permute
 
-FLUID, WALLS = 37, 11
+FLUID, WALLS = 137, 11
 TYPES = [wp.uint8, wp.int8, wp.float32, wp.int32, wp.vec2, wp.float64, wp.vec3, wp.vec2d, wp.vec3d, wp.mat33d]
 
 
