@@ -240,19 +240,24 @@ def make_advance(precision: str) -> Any:
     return advance
 
 
+def steps_ahead(shift_ahead: bool) -> float:
+    """Return how many steps a check of the list looks ahead.
+
+    shift_ahead: the check has the shift of the coming step, see `slack`.
+    """
+    return 1.0 if shift_ahead else HORIZON
+
+
 @functools.cache
-def make_judge(precision: str, shift_ahead: bool) -> tuple[Any, Any]:
-    """Return the one-thread kernels around a check of the list: (set the horizon, judge what was found).
+def make_judge(precision: str, shift_ahead: bool) -> Any:
+    """Return the one-thread kernel that judges what a check of the list has found.
 
     shift_ahead: the check has the shift of the coming step, and looks no further, see `slack`.
     """
     real = types(2, precision).real
-    ahead, shortest, unknown = (1.0, 1.0, 0.0) if shift_ahead else (HORIZON, SHORTEST, 2.0)
+    ahead = steps_ahead(shift_ahead)
+    shortest, unknown = (1.0, 0.0) if shift_ahead else (SHORTEST, 2.0)
     seed = SEED if shift_ahead else 0.0
-
-    @wp.kernel(module="unique", enable_backward=False)
-    def set_horizon(clock: wp.array(dtype=wp.float64), horizon: wp.array(dtype=real)):
-        horizon[0] = real(clock[STEP] * wp.float64(ahead))
 
     @wp.kernel(module="unique", enable_backward=False)
     def judge_list(
@@ -301,4 +306,4 @@ def make_judge(precision: str, shift_ahead: bool) -> tuple[Any, Any]:
             if clock[CHECK_LASTS] < wp.float64(0.0):
                 counters[USELESS] = counters[USELESS] + 1
 
-    return set_horizon, judge_list
+    return judge_list

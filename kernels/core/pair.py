@@ -14,6 +14,18 @@ NEAR = 2  # a particle of another phase is in the list (first ring of the interf
 BAND = 4  # the list holds a first-ring particle (second ring, or the first itself)
 
 
+LARGEST = 0x7FFFFFFF
+
+
+@wp.func
+def natural(number: int):
+    """A number that is not negative, said so that the compiler knows: no index of an array that it is has to be tested.
+
+    Warp counts a negative index from the end of the array, which takes three instructions for each array that a pair reads.
+    """
+    return number & LARGEST
+
+
 @functools.cache
 def make_nearest(precision: str) -> Any:
     """Return the `wp.func` nearest(d, period, half): a distance along a periodic axis, to the nearest image."""

@@ -3,7 +3,7 @@
 A list with skin stays complete until two particles that were further apart than support + skin have come nearer than
 the support, which takes a *relative* displacement of one skin. Half a skin of absolute displacement is a safe sign
 but a poor one: neighbours move together. So when that sign appears, the extremes of the displacements in each cell
-and in the cells within three of it are compared, for the displacements now and for those at a time `horizon` ahead
+and in the cells within three of it are compared, for the displacements now and for those some steps ahead
 if every particle kept its velocity. In between both bounds mix linearly; what accelerations and shifts add later is
 summed up by the clock (`advance`). Cells further apart than three cannot matter before a particle has moved a quarter
 of the list radius, which always asks for a rebuild.
@@ -19,6 +19,7 @@ from typing import Any
 import warp as wp
 
 from .cells import make_grid
+from .clock import STEP, steps_ahead
 from .spec import Spec, types_of
 
 WINDOW = 3
@@ -30,13 +31,13 @@ def make_slack(spec: Spec) -> tuple[Any, Any, Any]:
     real, vec, _, _ = types_of(spec)
     Grid = make_grid(spec.dimension, spec.precision)
     px, py, pz = ([*spec.periodic, False, False])[:3]
-    huge = 1.0e30
+    huge, ahead = 1.0e30, steps_ahead(spec.shift_ahead)
 
     @wp.kernel(module="unique", enable_backward=False)
     def cell_extremes(
         first: int,
         grid: Grid,
-        horizon: wp.array(dtype=real),
+        clock: wp.array(dtype=wp.float64),
         cell_start: wp.array(dtype=int),
         offset: wp.array(dtype=vec),
         velocity: wp.array(dtype=vec),
@@ -54,7 +55,7 @@ def make_slack(spec: Spec) -> tuple[Any, Any, Any]:
         hn = zero - vec(real(huge))
         lt = zero + vec(real(huge))
         ht = zero - vec(real(huge))
-        tau = horizon[0]
+        tau = real(clock[STEP] * wp.float64(ahead))
         i = cell_start[c]
         end = cell_start[c + 1]
         while i < end:

@@ -29,7 +29,7 @@ import warp as wp
 from warpsph.kernels.core.clock import STEP, VISCOUS_STEP
 from warpsph.kernels.core.fields import FLUID
 from warpsph.kernels.core.mirror import NO_SLIP, code_shift, make_images, make_sides
-from warpsph.kernels.core.pair import WRAPPED, list_access, make_entry
+from warpsph.kernels.core.pair import WRAPPED, list_access, make_entry, natural
 from warpsph.kernels.core.params import make_params, make_phase
 from warpsph.kernels.core.smoothing import make_smoothing
 from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, types_of
@@ -127,7 +127,7 @@ def make_diffusion(spec: Spec) -> tuple[Any, Any, Any]:
         row_step = row_stride(fluid_count)
         end = k + int(fluid_neighbours[i]) * step
         while k < end:
-            j = neighbour(neighbours, i, k)
+            j = natural(neighbour(neighbours, i, k))
             k += step
             code = int(0)
             if wp.static(spec.mirror):
@@ -157,7 +157,7 @@ def make_diffusion(spec: Spec) -> tuple[Any, Any, Any]:
             wall_first = particle_count - slip.shape[0]
             end += int(wall_neighbours[i]) * step
             while k < end:
-                j = neighbour(neighbours, i, k)
+                j = natural(neighbour(neighbours, i, k))
                 k += step
                 if slip[j - wall_first] == wp.uint8(0):
                     d = apart(xi, position[j], 0, wrapped, params, sides)

@@ -8,7 +8,7 @@ import warp as wp
 from warpsph.kernels.core.clock import MAXIMA, SPEED, STEP
 from warpsph.kernels.core.fields import FLUID
 from warpsph.kernels.core.mirror import code_shift, make_images, make_sides
-from warpsph.kernels.core.pair import WRAPPED, list_access, make_entry
+from warpsph.kernels.core.pair import WRAPPED, list_access, make_entry, natural
 from warpsph.kernels.core.params import make_params, make_phase
 from warpsph.kernels.core.smoothing import make_smoothing
 from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, types_of
@@ -149,7 +149,7 @@ def make_assemble(spec: Spec) -> Any:
         row_step = row_stride(fluid_count)
         end = k + int(fluid_neighbours[i]) * step
         while k < end:
-            j = neighbour(neighbours, i, k)
+            j = natural(neighbour(neighbours, i, k))
             k += step
             code = int(0)
             if wp.static(spec.mirror):
@@ -193,7 +193,7 @@ def make_assemble(spec: Spec) -> Any:
         if wp.static(spec.walls and not spec.bodies):
             end += int(wall_neighbours[i]) * step
             while k < end:
-                j = neighbour(neighbours, i, k)
+                j = natural(neighbour(neighbours, i, k))
                 k += step
                 d = apart(xi, position[j], 0, wrapped, params, sides)
                 f = slope(wp.sqrt(wp.dot(d, d)) * params.inv_h) * params.wall_volume
@@ -356,7 +356,7 @@ def make_correct(spec: Spec) -> Any:
         step = list_step(particle_count)
         end = k + int(fluid_neighbours[i]) * step
         while k < end:
-            j = neighbour(neighbours, i, k)
+            j = natural(neighbour(neighbours, i, k))
             k += step
             code = int(0)
             if wp.static(spec.mirror):
@@ -388,7 +388,7 @@ def make_correct(spec: Spec) -> Any:
         if wp.static(spec.walls):
             end += int(wall_neighbours[i]) * step
             while k < end:
-                j = neighbour(neighbours, i, k)
+                j = natural(neighbour(neighbours, i, k))
                 k += step
                 d = apart(xi, position[j], 0, wrapped, params, sides)
                 r = wp.length(d)

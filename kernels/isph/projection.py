@@ -38,7 +38,7 @@ import warp as wp
 from warpsph.kernels.core.clock import RUNAWAY, STEP
 from warpsph.kernels.core.fields import FLUID, NOBODY
 from warpsph.kernels.core.mirror import NO_WALL, code_shift, make_images, make_sides
-from warpsph.kernels.core.pair import WRAPPED, list_access
+from warpsph.kernels.core.pair import WRAPPED, list_access, natural
 from warpsph.kernels.core.params import make_params, make_phase
 from warpsph.kernels.core.smoothing import make_smoothing
 from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, types_of
@@ -226,7 +226,7 @@ def make_predict(spec: Spec) -> Any:
         step = list_step(particle_count)
         end = k + int(fluid_neighbours[i]) * step
         while k < end:
-            j = neighbour(neighbours, i, k)
+            j = natural(neighbour(neighbours, i, k))
             k += step
             code = int(0)
             if wp.static(spec.mirror):
@@ -256,7 +256,7 @@ def make_predict(spec: Spec) -> Any:
         if wp.static(spec.walls):
             end += int(wall_neighbours[i]) * step
             while k < end:
-                j = neighbour(neighbours, i, k)
+                j = natural(neighbour(neighbours, i, k))
                 k += step
                 d = apart(xi, position[j], 0, wrapped, params, sides)
                 r2 = wp.dot(d, d)

@@ -7,7 +7,7 @@ import warp as wp
 
 from warpsph.kernels.core.fields import FLUID
 from warpsph.kernels.core.mirror import code_shift, make_images, make_sides
-from warpsph.kernels.core.pair import WRAPPED, list_access
+from warpsph.kernels.core.pair import WRAPPED, list_access, natural
 from warpsph.kernels.core.params import make_params
 from warpsph.kernels.core.smoothing import make_smoothing
 from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, types_of
@@ -73,7 +73,7 @@ def make_smooth_surface(spec: Spec) -> Any:
         step = list_step(particle_count)
         end = k + int(fluid_neighbours[i]) * step
         while k < end:
-            j = neighbour(neighbours, i, k)
+            j = natural(neighbour(neighbours, i, k))
             k += step
             code = int(0)
             if wp.static(spec.mirror):

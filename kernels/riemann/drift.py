@@ -16,19 +16,24 @@ from warpsph.kernels.core.clock import DRIFT_VELOCITY, FOLDS, MOMENTUM, STEP, TI
 from warpsph.kernels.core.params import make_params, make_phase
 from warpsph.kernels.core.spec import Spec, types_of
 
+from .volume import make_fold, make_volume_parts
+
 
 @functools.cache
 def make_drift(spec: Spec) -> tuple[Any, Any, Any]:
     """Return the kernels (sum_momentum over blocks, fold_momentum over FOLDS, close_momentum on one thread).
 
     Float64 sums in a fixed order: the result does not depend on how many threads work on it. The fourth entry of a sum is
-    the mass.
+    the mass. Where the volume of the box is held too, they add up that in the same pass (`volume`): a box of some ten
+    thousand particles would spend more time on launching three kernels more than on the sums.
     """
-    _, vec, _, _ = types_of(spec)
-    real = types_of(spec).real
+    real, vec, _, pair = types_of(spec)
     Params = make_params(spec.dimension, spec.precision)
     Phase = make_phase(spec.precision)
     dimension = spec.dimension
+    with_volume = spec.volume_constraint
+    volume_of, close_volume = make_volume_parts(spec)
+    fold_volume, fold_momentum_sums = make_fold(wp.vec2d), make_fold(wp.vec4d)
 
     @wp.kernel(module="unique", enable_backward=False)
     def sum_momentum(
@@ -39,7 +44,9 @@ def make_drift(spec: Spec) -> tuple[Any, Any, Any]:
         phase: wp.array(dtype=wp.int8),
         rest_volume: wp.array(dtype=real),
         velocity: wp.array(dtype=vec),
+        state: wp.array(dtype=pair),
         momentum_sums: wp.array(dtype=wp.vec4d),
+        volume_sums: wp.array(dtype=wp.vec2d),
     ):
         block = wp.tid() + first
         k = block
@@ -51,6 +58,7 @@ def make_drift(spec: Spec) -> tuple[Any, Any, Any]:
             end = wp.min(k + chunk, fluid_count)
             step = 1
         total = wp.vec4d()
+        volume = wp.vec2d()
         while k < end:
             own = int(0)
             if wp.static(spec.multiphase):
@@ -60,8 +68,12 @@ def make_drift(spec: Spec) -> tuple[Any, Any, Any]:
             for axis in range(wp.static(dimension)):
                 total[axis] += m * wp.float64(v[axis])
             total[3] += m
+            if wp.static(with_volume):
+                volume += volume_of(k, phases, phase, state)
             k += step
         momentum_sums[block] = total
+        if wp.static(with_volume):
+            volume_sums[block] = volume
 
     @wp.kernel(module="unique", enable_backward=False)
     def fold_momentum(
@@ -69,14 +81,13 @@ def make_drift(spec: Spec) -> tuple[Any, Any, Any]:
         block_count: int,
         momentum_sums: wp.array(dtype=wp.vec4d),
         momentum_folds: wp.array(dtype=wp.vec4d),
+        volume_sums: wp.array(dtype=wp.vec2d),
+        volume_folds: wp.array(dtype=wp.vec2d),
     ):
         fold = wp.tid() + first
-        total = wp.vec4d()
-        k = fold
-        while k < block_count:
-            total += momentum_sums[k]
-            k += FOLDS
-        momentum_folds[fold] = total
+        momentum_folds[fold] = fold_momentum_sums(momentum_sums, block_count, fold)
+        if wp.static(with_volume):
+            volume_folds[fold] = fold_volume(volume_sums, block_count, fold)
 
     @wp.kernel(module="unique", enable_backward=False)
     def close_momentum(
@@ -84,6 +95,7 @@ def make_drift(spec: Spec) -> tuple[Any, Any, Any]:
         clock: wp.array(dtype=wp.float64),
         impulse: wp.array(dtype=wp.float64),
         momentum_folds: wp.array(dtype=wp.vec4d),
+        volume_folds: wp.array(dtype=wp.vec2d),
     ):
         total = wp.vec4d()
         for fold in range(FOLDS):
@@ -96,5 +108,7 @@ def make_drift(spec: Spec) -> tuple[Any, Any, Any]:
             else:
                 drive = wp.float64(params.gravity[axis]) + wp.float64(params.body_force[axis])
                 clock[DRIFT_VELOCITY + axis] = clock[MOMENTUM + axis] + drive * time - total[axis] / total[3]
+        if wp.static(with_volume):
+            close_volume(clock, volume_folds)
 
     return sum_momentum, fold_momentum, close_momentum

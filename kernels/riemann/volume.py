@@ -15,6 +15,49 @@ from warpsph.kernels.core.spec import Spec, types_of
 
 
 @functools.cache
+def make_fold(dtype: Any) -> Any:
+    """Return the `wp.func` fold_sums(sums, block_count, fold): the sum over every FOLDS-th block from `fold` on."""
+
+    @wp.func
+    def fold_sums(sums: wp.array(dtype=dtype), block_count: int, fold: int):
+        total = dtype()
+        k = int(fold)
+        while k < block_count:
+            total += sums[k]
+            k += FOLDS
+        return total
+
+    return fold_sums
+
+
+@functools.cache
+def make_volume_parts(spec: Spec) -> tuple[Any, Any]:
+    """Return the `wp.func`s of a particle and of the end of the sum.
+
+    volume_of(k, phases, phase, state): (V, V/(rho c^2)) [m^d, m^d/Pa]; close(clock, folds): sets the pressure to be added.
+    """
+    _, _, _, pair = types_of(spec)
+    Phase = make_phase(spec.precision)
+
+    @wp.func
+    def volume_of(k: int, phases: wp.array(dtype=Phase), phase: wp.array(dtype=wp.int8), state: wp.array(dtype=pair)):
+        own = int(0)
+        if wp.static(spec.multiphase):
+            own = int(phase[k])
+        v = wp.float64(state[k][1])
+        return wp.vec2d(v, v * wp.float64(phases[own].compressibility))
+
+    @wp.func
+    def close(clock: wp.array(dtype=wp.float64), folds: wp.array(dtype=wp.vec2d)):
+        total = wp.vec2d()
+        for fold in range(FOLDS):
+            total += folds[fold]
+        clock[EXCESS_PRESSURE] = (total[0] - clock[BOX_VOLUME]) / total[1]
+
+    return volume_of, close
+
+
+@functools.cache
 def make_volume(spec: Spec) -> tuple[Any, Any, Any]:
     """Return the kernels (sum_volume over blocks, fold_volume over FOLDS, close_volume on one thread).
 
@@ -22,6 +65,8 @@ def make_volume(spec: Spec) -> tuple[Any, Any, Any]:
     """
     _, _, _, pair = types_of(spec)
     Phase = make_phase(spec.precision)
+    volume_of, close = make_volume_parts(spec)
+    fold_sums = make_fold(wp.vec2d)
 
     @wp.kernel(module="unique", enable_backward=False)
     def sum_volume(
@@ -43,17 +88,11 @@ def make_volume(spec: Spec) -> tuple[Any, Any, Any]:
             k = block * chunk
             end = wp.min(k + chunk, n)
             step = 1
-        volume = wp.float64(0.0)
-        softness = wp.float64(0.0)
+        total = wp.vec2d()
         while k < end:
-            own = int(0)
-            if wp.static(spec.multiphase):
-                own = int(phase[k])
-            v = wp.float64(state[k][1])
-            volume += v
-            softness += v * wp.float64(phases[own].compressibility)
+            total += volume_of(k, phases, phase, state)
             k += step
-        volume_sums[block] = wp.vec2d(volume, softness)
+        volume_sums[block] = total
 
     @wp.kernel(module="unique", enable_backward=False)
     def fold_volume(
@@ -63,21 +102,13 @@ def make_volume(spec: Spec) -> tuple[Any, Any, Any]:
         volume_folds: wp.array(dtype=wp.vec2d),
     ):
         fold = wp.tid() + first
-        total = wp.vec2d()
-        k = fold
-        while k < block_count:
-            total += volume_sums[k]
-            k += FOLDS
-        volume_folds[fold] = total
+        volume_folds[fold] = fold_sums(volume_sums, block_count, fold)
 
     @wp.kernel(module="unique", enable_backward=False)
     def close_volume(
         clock: wp.array(dtype=wp.float64),
         volume_folds: wp.array(dtype=wp.vec2d),
     ):
-        total = wp.vec2d()
-        for fold in range(FOLDS):
-            total += volume_folds[fold]
-        clock[EXCESS_PRESSURE] = (total[0] - clock[BOX_VOLUME]) / total[1]
+        close(clock, volume_folds)
 
     return sum_volume, fold_volume, close_volume

@@ -9,6 +9,7 @@ import warp as wp
 from tests.helpers import Bench, Fluid, Setup, lattice
 from warpsph.engine.neighbours import brute_force_pairs, grid_layout
 from warpsph.errors import CapacityError
+from warpsph.kernels.core import cells
 from warpsph.kernels.core import clock as ck
 from warpsph.kernels.core.pair import BAND, NEAR, WRAPPED
 from warpsph.kernels.core.spec import Spec
@@ -309,3 +310,15 @@ def test_cells_are_no_narrower_than_half_the_list_radius():
             assert count * width >= extent * (1 - 1e-12)
             if periodic:
                 assert count * width == pytest.approx(extent)
+
+
+@pytest.mark.parametrize("by_cells", [True, False])
+@pytest.mark.parametrize("keys", [[0, 0, 3, 3, 3, 7], [2], [9, 9], [], list(range(10)), [5] * 40 + [6] * 3])
+def test_ranges_of_cells(by_cells, keys):
+    """Cells without particles, at both ends too, begin where the next particle is; the last entry is the count."""
+    count, places = len(keys), 11  # ten cells and the end
+    sort_keys = wp.array(np.array([*keys, -1], dtype=np.int32), dtype=int, device="cpu")
+    cell_start = wp.full(places, -5, dtype=int, device="cpu")
+    rows = places if by_cells else count + 1
+    wp.launch(cells.make_ranges(by_cells), dim=rows, inputs=[0, count, sort_keys, cell_start], device="cpu")
+    np.testing.assert_array_equal(cell_start.numpy(), np.searchsorted(keys, np.arange(places), side="left"))

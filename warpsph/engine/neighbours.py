@@ -18,7 +18,7 @@ from warpsph.engine import free_memory
 from warpsph.engine.launch import Bindings, Launcher, Task
 from warpsph.engine.population import Population
 from warpsph.errors import CapacityError
-from warpsph.kernels.core import cells, slack, varying_list, visibility
+from warpsph.kernels.core import cells, permute, slack, varying_list, visibility
 from warpsph.kernels.core.clock import make_judge
 from warpsph.kernels.core.leaks import make_in_cells, make_leaks, make_sunk
 from warpsph.kernels.core.mirror import code_shift, make_sides
@@ -136,7 +136,7 @@ class NeighbourList:
         self.sort_keys = wp.zeros(2 * n, dtype=int, device=device)
         self.sort_order = wp.zeros(2 * n, dtype=int, device=device)
         self.list_peak = wp.zeros(launcher.threads, dtype=int, device=device)
-        self._scratch: dict[Any, Any] = {}
+        self._moved: list[Any] = []  # arrays that sorting knows by their addresses: fields, their copies, tables of both
         self._counts_leaks = "phase_count" in bindings
         if self._counts_leaks:
             phases = int(bindings["phase_count"])
@@ -161,7 +161,7 @@ class NeighbourList:
             bindings.update(
                 frame_reach=real(1.5 * self.list_radius), frame_corners=wp.zeros(2, dtype=vec, device=device)
             )  # fmt: skip
-        bindings.update(slack_maxima=self.slack_maxima, horizon=wp.zeros(1, dtype=real, device=device))
+        bindings.update(slack_maxima=self.slack_maxima)
         if spec.varying_h:
             bindings.update(
                 cell_reach=wp.zeros(cell_count, dtype=int, device=device),
@@ -201,6 +201,7 @@ class NeighbourList:
         self.width = width
         self.bindings["neighbours"] = self.neighbours
         self.bindings["list_width"] = width
+        self._sorting = self._permute_tasks()
         self.tasks = self._make_tasks(moving=True)
         self.tasks_again = self._make_tasks(moving=False)
 
@@ -224,17 +225,34 @@ class NeighbourList:
         return int(self.neighbours.capacity)
 
     def memory_beside(self) -> int:
-        """Return the bytes of grid, sort buffers, scratch and displacement extremes."""
-        arrays = [self.cell_start, self.sort_keys, self.sort_order, *self._scratch.values()]
+        """Return the bytes of grid, sort buffers, sorted copies and displacement extremes."""
+        arrays = [self.cell_start, self.sort_keys, self.sort_order, self._moved[0]]
         arrays += [array for buffer in self._extremes for array in buffer]
         return sum(int(array.capacity) for array in arrays)
 
-    def _scratch_for(self, dtype: Any, rows: int) -> Any:
-        held = self._scratch.get(dtype)
-        if held is None or held.shape[0] < rows:
-            held = wp.empty(max(rows, 1), dtype=dtype, device=self.particles.device)
-            self._scratch[dtype] = held
-        return held
+    def _permute_tasks(self) -> list[Task]:
+        """Return the tasks that put all kept fields in the order of the cells, see `kernels/core/permute.py`."""
+        particles, device = self.particles, self.particles.device
+        fields = [field for field in particles.fields.values() if field.kept and particles.rows(field)]
+        arrays = [particles.arrays[field.name] for field in fields]
+        sizes = [permute.aligned(int(array.capacity)) for array in arrays]
+        copies = wp.empty(permute.room(sizes), dtype=wp.uint8, device=device)
+        self._moved = [copies, *arrays]
+        tasks = []
+        for numbers in permute.rounds(sizes):
+            columns, place = [], int(copies.ptr)
+            for k in numbers:
+                base = particles.fluid_capacity if fields[k].rows == "wall" else 0
+                columns.append(permute.column(arrays[k], place, base))
+                place += sizes[k]
+            table: Any = wp.array(columns, dtype=permute.Column, device=device)
+            self._moved.append(table)
+            run = permute.RUN[self.launcher.is_cpu]
+            runs = (max(column.rows for column in columns) + run - 1) // run
+            for gathers in (True, False):
+                kernel, special = permute.make_permute(gathers), {"run": run, "columns": table}
+                tasks.append(self.launcher.task("permute", kernel, runs, self.bindings, special=special))
+        return tasks
 
     def _make_tasks(self, moving: bool) -> list[Task]:
         spec = self.spec
@@ -254,26 +272,12 @@ class NeighbourList:
             wp.utils.radix_sort_pairs(self.sort_keys, self.sort_order, n, 0, self.key_bits)
 
         tasks.append(Task("sort", sort))
-        for field in particles.fields.values():
-            rows = particles.rows(field)
-            if not field.kept or rows == 0:
-                continue
-            array = particles.arrays[field.name]
-            scratch = self._scratch_for(array.dtype, n)
-            base = fluid if field.rows == "wall" else 0
-            tasks.append(
-                launcher.task(
-                    "permute",
-                    cells.make_permute(array.dtype),
-                    rows,
-                    bindings,
-                    special={"base": base, "source": array, "target": scratch},
-                )
-            )
-            tasks.append(Task("permute", _copier(array, scratch, rows)))
+        tasks += self._sorting
         if not self._seeks_bodies:
             tasks += self.leak_tasks("anchor")
-        tasks.append(launcher.task("ranges", cells.make_ranges(), self.cell_start.shape[0], bindings))
+        by_cells = not launcher.is_cpu
+        rows = self.cell_start.shape[0] if by_cells else n + 1
+        tasks.append(launcher.task("ranges", cells.make_ranges(by_cells), rows, bindings))
         if spec.changing:
             special = {"dead_cell": self.cell_count}
             tasks.append(launcher.task("ranges", cells.make_live(), 1, bindings, single=True, special=special))
@@ -341,7 +345,7 @@ class NeighbourList:
         bindings.update({name: self.particles.arrays[name] for name in ("offset", "velocity", "anchor", "position")})
         shift = self.particles.arrays["shift" if spec.shift_ahead else "offset"]  # the latter stands for none
         extremes, window, relative = slack.make_slack(spec)
-        set_horizon, judge = make_judge(spec.precision, spec.shift_ahead)
+        judge = make_judge(spec.precision, spec.shift_ahead)
         names = ("low_now", "high_now", "low_then", "high_then")
         cells_, spare, other = self._extremes
 
@@ -351,10 +355,7 @@ class NeighbourList:
             return found
 
         first = {"shift": shift, **arguments(cells_, spare)}
-        tasks = [
-            launcher.task("check", set_horizon, 1, bindings, single=True),
-            launcher.task("check", extremes, self.cell_count, bindings, special=first),
-        ]
+        tasks = [launcher.task("check", extremes, self.cell_count, bindings, special=first)]
         source = cells_
         for axis in range(spec.dimension):
             target = spare if source is not spare else other
@@ -364,10 +365,6 @@ class NeighbourList:
         tasks.append(launcher.task("check", relative, self.cell_count, bindings, special=arguments(cells_, source)))
         tasks.append(launcher.task("check", judge, 1, bindings, single=True))
         return tasks
-
-
-def _copier(array: Any, scratch: Any, rows: int) -> Any:
-    return lambda: wp.copy(array, scratch, count=rows)
 
 
 def default_width(spec: Spec, support: float, spacing: float, skin: float) -> int:

@@ -16,6 +16,7 @@ import numpy as np
 from warpsph.engine import free_memory
 from warpsph.engine.neighbours import MOST_PARTICLES, default_width, grid_layout
 from warpsph.errors import CapacityError, CaseError, ExpressionError, Problem
+from warpsph.kernels.core import permute
 from warpsph.scene.body_surfaces import surface_of
 from warpsph.scene.lattice import Lattice, make_lattice
 from warpsph.scene.masks import inside
@@ -156,8 +157,9 @@ def on_device(case: Case, spec: Spec, fluid: int, walls: int, support: float, sk
     rows = {"fluid": fluid, "wall": walls, "all": fluid + walls}
     fields = [field for field in case.scheme.fields() if field.exists(spec)]
     memory = sum(rows[field.rows] * size[field.kind] for field in fields)
-    # sort keys and order, double; one buffer to sort into of each type that the sort takes along
-    memory += (fluid + walls) * (16 + sum(size[kind] for kind in {field.kind for field in fields if field.kept}))
+    # sort keys and order, double; copies of the fields that are sorted at once
+    memory += (fluid + walls) * 16
+    memory += permute.room([permute.aligned(rows[field.rows] * size[field.kind]) for field in fields if field.kept])
     capacity = case.numerics.neighbour_capacity
     entries = default_width(spec, support, case.spacing, skin) if capacity == "auto" else int(capacity)
     memory += (fluid + walls) * entries * 4

@@ -98,16 +98,17 @@ def printed_step(spec: Spec) -> list[Node]:
 def constraints(spec: Spec) -> list[Stage]:
     """Return the stages that hold the volume of a closed domain and the momentum of a periodic one."""
     stages = []
-    if spec.volume_constraint:
+    if spec.momentum_constraint:
+        add, fold, close = make_drift(spec)
+        both = ", and mean pressure" if spec.volume_constraint else ""
+        stages.append(Stage("drift", add, "blocks", f"periodic box with the corrected gradient: total momentum{both}"))
+        stages.append(Stage("drift_fold", fold, "folds", "adds up the parts of the sums"))
+        stages.append(Stage("drift_close", close, "one", "velocity of the box that is to be taken out"))
+    elif spec.volume_constraint:
         add, fold, close = make_volume(spec)
         stages.append(Stage("volume", add, "blocks", "closed domain with the corrected gradient: mean pressure"))
         stages.append(Stage("volume_fold", fold, "folds", "adds up the parts of the volume"))
         stages.append(Stage("volume_close", close, "one", "closes the volume sum"))
-    if spec.momentum_constraint:
-        add, fold, close = make_drift(spec)
-        stages.append(Stage("drift", add, "blocks", "periodic box with the corrected gradient: total momentum"))
-        stages.append(Stage("drift_fold", fold, "folds", "adds up the parts of the momentum"))
-        stages.append(Stage("drift_close", close, "one", "velocity of the box that is to be taken out"))
     return stages
 
 
