@@ -43,3 +43,23 @@ def make_viscosity(form: str, dimension: int, precision: str) -> Any:
     else:
         raise KeyError(form)
     return viscous_term
+
+
+@functools.cache
+def make_jump_traction(dimension: int, precision: str) -> Any:
+    """Return the `wp.func` jump_traction(rho_i, rho_j, mu_i, mu_j, G, fd): what mu grad v^T adds between two fluids.
+
+    The pairs of the Morris form have the stress mu grad v alone. The rest, mu grad v^T, has no divergence within a fluid,
+    but pulls at an interface with (mu_j - mu_i) G^T n, where G^T n = grad(v.n) is the same on both sides. It is shared
+    like the pressure p*: particle i has 2 rho_i/(rho_i + rho_j) of it.
+
+    G is the velocity gradient [1/s] of the more viscous side, the smaller one along the interface; fd is F V_j x_ij.
+    """
+    real, vec, mat, _ = types(dimension, precision)
+
+    @wp.func
+    def jump_traction(rho_i: real, rho_j: real, mu_i: real, mu_j: real, gradient: mat, fd: vec):
+        share = real(2.0) * rho_i / (rho_i + rho_j)
+        return (share * (mu_j - mu_i)) * (wp.transpose(gradient) * fd)
+
+    return jump_traction

@@ -34,7 +34,7 @@ from warpsph.kernels.core.params import make_params, make_phase
 from warpsph.kernels.core.smoothing import make_smoothing
 from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, types_of
 from warpsph.kernels.core.time_signals import GRAVITY_NEXT, make_forcing
-from warpsph.kernels.core.viscosity import make_viscosity
+from warpsph.kernels.core.viscosity import make_jump_traction, make_viscosity
 
 from .star import make_jump, make_one_sided, make_star
 
@@ -70,6 +70,8 @@ def make_momentum(spec: Spec) -> Any:
     body_tension = spec.tension == "body_force"
     dimension = float(spec.dimension)
     sided = spec.multiphase and not spec.paper_star
+    pulled = sided and spec.viscosity == "morris"  # the other forms have the whole stress in their pairs
+    jump_traction = make_jump_traction(spec.dimension, spec.precision)
 
     @wp.func
     def window(r2: real, inv_window: real):
@@ -234,6 +236,11 @@ def make_momentum(spec: Spec) -> Any:
                         if wp.static(spec.corrected):
                             p_star -= p_i
                         pressure_sum += (real(2.0) * p_star) * fd
+                        if wp.static(pulled):
+                            thick = wp.where(own.viscosity > other.viscosity, i, j)
+                            viscous_sum += jump_traction(
+                                own.density, other.density, own.viscosity, other.viscosity, velocity_gradient[thick], fd
+                            )
                         if wp.static(viscous):
                             mu = real(2.0) * mu * other.viscosity / wp.max(mu + other.viscosity, real(1.0e-30))
                         if wp.static(spec.interface_force):

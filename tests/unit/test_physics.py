@@ -135,23 +135,24 @@ def test_low_sound_speed_is_warned_of_with_the_value_needed():
 def test_formulation_follows_from_the_scene():
     closed = physics_of(droplet())
     assert closed.spec.corrected and closed.spec.volume_constraint and closed.spec.shifting
-    assert closed.spec.viscosity == "radial" and not closed.spec.free_surface
+    assert closed.spec.viscosity == "morris" and not closed.spec.free_surface
     # the same box with a layer of it empty has a free surface
     around = "where(abs(x) > abs(y), abs(x), abs(y)) > 0.5 and y < 0.8"
     half = droplet(**{"fluids.1.shape": {"where": {"condition": around}}})
     assert not physics_of(half).spec.corrected and physics_of(half).spec.free_surface
+    assert physics_of(half).spec.viscosity == "radial"
     paper = physics_of(droplet(**{"numerics.formulation": "paper"}))
     assert not paper.spec.corrected and paper.spec.tension == "body_force" and paper.spec.paper_star
     assert paper.choices["interface_force"] == 0.08 and paper.choices["smoothing_ratio"] == 1.25
 
 
 def test_step_limits():
-    """0.06 rho h^2/mu of the radial form with the harmonic mean at the interface; capillary waves of both densities:
+    """0.125 rho h^2/mu of the Morris form with the harmonic mean at the interface; capillary waves of both densities:
     0.25 sqrt(rho h^3/(2 pi sigma)), rho their mean."""
     found = physics_of(droplet())
     h = 1.5 * 2 / 26
     nu = 2 * 0.005 * 0.5 / 0.505 / 1.0
-    assert found.step_cap["viscosity"] == pytest.approx(0.06 * h**2 / nu)
+    assert found.step_cap["viscosity"] == pytest.approx(0.125 * h**2 / nu)
     assert found.step_cap["surface tension"] == pytest.approx(0.25 * math.sqrt(500.5 * h**3 / (2 * math.pi)))
     assert physics_of(droplet(**{"numerics.maximum_step": 1e-5})).step_cap["maximum_step"] == 1e-5
 

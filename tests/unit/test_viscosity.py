@@ -9,9 +9,11 @@ import pytest
 import warp as wp
 
 from tests.helpers import Bench, Fluid, evaluate, lattice
+from warpsph.case.case import Case
 from warpsph.kernels.core.smoothing import KERNELS, make_smoothing
 from warpsph.kernels.core.spec import Spec, types
 from warpsph.kernels.core.viscosity import make_viscosity
+from warpsph.running.model import Model
 
 FORMS = ["morris", "radial", "paper"]
 
@@ -137,3 +139,33 @@ def test_viscosity_in_three_dimensions(form, expected, digit):
     f = evaluate(slope, "float64", np.linalg.norm(sites, axis=1) / ratio)
     effective = KERNELS["wendland_c2"].alpha[2] / ratio**5 * (terms[:, 0] * f).sum()
     assert effective == pytest.approx(expected, abs=1.002 * digit)
+
+
+PAIRS = [((1000, 1), (1, 0.01)), ((1, 1), (1, 0.01)), ((1, 1), (0.1, 1)), ((1, 1), (1, 1))]
+
+
+@pytest.mark.parametrize("columns", [24, 48])
+@pytest.mark.parametrize(("densities", "viscosities"), PAIRS)
+def test_an_interface_bears_the_whole_viscous_stress(densities, viscosities, columns):
+    """A wave v_y = c sin(kx) over a flat interface: the stress mu dv_y/dx along it pulls both fluids with its jump.
+
+    Within each fluid this flow has no friction along x. The form of Morris alone would have none at the interface either.
+    What is left is the smoothing of the wave by the kernel, of second order.
+    """
+    c, k = 0.1, 2 * math.pi
+    smoothing = (k * 1.5 / columns) ** 2 / 3
+    case = Case.from_dict({
+        "dimension": 2, "particle_spacing": 1 / columns, "end_time": 1.0,
+        "domain": {"lower": [0, -0.5], "upper": [1, 0.5], "boundary": {"x": "periodic", "y": "free_slip"}},
+        "phases": {"below": {"density": densities[0], "viscosity": viscosities[0]},
+                   "above": {"density": densities[1], "viscosity": viscosities[1]}},
+        "fluids": [{"phase": "below", "shape": {"where": {"condition": "y < 0"}}}, {"phase": "above", "shape": "rest"}],
+        "start": {"velocity": [0, f"{c}*sin(2*pi*x)"], "pressure": 0},
+        "output": {"particles": "none", "checkpoint": "none"},
+    })  # fmt: skip
+    model = Model(case, threads=1)
+    model.stepper.prepare(True)
+    fluid = model.snapshot().fluid
+    pull = columns * (fluid.mass * fluid.acceleration[:, 0]) @ np.cos(k * fluid.position[:, 0]) * 2 / columns
+    expected = (viscosities[1] - viscosities[0]) * c * k
+    assert pull == pytest.approx(expected, abs=smoothing * max(viscosities) * c * k)

@@ -26,7 +26,7 @@ class RiemannNumerics(NumericsBase):
     )
     viscosity_form: Annotated[Literal["auto", "morris", "radial", "paper"], ChoiceRule()] = Field(
         default="auto",
-        description="viscous term. auto: morris, radial with surface tension or a free surface (paper: paper)",
+        description="viscous term. auto: morris, radial with a free surface (paper: paper)",
         examples=["auto"],
     )
     viscous_stages: Annotated[int | Auto, NumberRule(least=1, most=50, integer=True, auto=True)] = Field(

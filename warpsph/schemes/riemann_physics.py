@@ -105,14 +105,12 @@ def derive(case: Case, geometry: Geometry, row_list: bool = True) -> Physics:
     star = choose("star_states", "arithmetic" if paper else "weighted", "printed form" if paper else "density weights")
     form = choose(
         "viscosity_form",
-        "paper" if paper else "radial" if has_tension or not filled else "morris",
+        "paper" if paper else "morris" if filled else "radial",
         "printed form"
         if paper
-        else "right damping at an interface with tension"
-        if has_tension
-        else "right damping at a free surface"
-        if not filled
-        else "isotropic at any smoothing ratio",
+        else "isotropic at any smoothing ratio"
+        if filled
+        else "right damping at a free surface",
     )
     tension_form = choose(
         "tension_form", "body_force" if paper else "pressure_jump", "printed form" if paper else "well balanced"
