@@ -71,7 +71,7 @@ def pulls(case: Any, tensions: np.ndarray) -> dict[str, np.ndarray]:
 
     model = Model(case, device="cpu", threads=1)
     model.stepper.prepare(fresh=True)
-    names = ("phase", "phase_curvature", "phase_mean", "phase_weight", "position", "state", "acceleration")
+    names = ("phase", "curvature", "mean_curvature", "interface_weight", "position", "state", "acceleration")
     phase, curvature, mean, weight, x, state, acceleration = (np.asarray(model.particles.get(name)) for name in names)
     # walls stand behind the fluid, in the fields that have them
     x, volume = x[: len(phase)], state[: len(phase), 1]

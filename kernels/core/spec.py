@@ -179,6 +179,11 @@ def phase_types(dimension: int, precision: str) -> tuple[Any, Any]:
     return wp.types.vector(length=3, dtype=real), wp.types.matrix(shape=(3, dimension), dtype=real)
 
 
+def curvature_type(spec: Spec) -> Any:
+    """Return the Warp type of what a particle knows of interfaces: a number, or one for each of three phases."""
+    return phase_types(spec.dimension, spec.precision)[0] if spec.triple else types_of(spec).real
+
+
 def origins_type(spec: Spec) -> Any:
     """Return the Warp type of where a particle was at the start of each window: the places one after the other."""
     return wp.types.vector(length=max(spec.windows, 1) * spec.dimension, dtype=types_of(spec).real)

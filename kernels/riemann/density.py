@@ -16,7 +16,7 @@ from warpsph.kernels.core.fields import FLUID
 from warpsph.kernels.core.pair import NEAR, WRAPPED, list_access, separation_of
 from warpsph.kernels.core.params import make_params, make_phase
 from warpsph.kernels.core.smoothing import make_smoothing
-from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, phase_types, types, types_of
+from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, curvature_type, types, types_of
 from warpsph.kernels.core.time_signals import GRAVITY_NOW, make_forcing
 
 from .body_flow import make_body_flow
@@ -105,7 +105,7 @@ def make_continuity(spec: Spec) -> Any:
     list_begin, list_step, neighbour, Listed = list_access(spec)
     star_velocity, _ = make_star(spec.precision, spec.paper_star)
     laplace_jump, carried = make_jump(spec.precision), make_carried(spec.dimension, spec.precision)
-    parts_jump, phased = make_parts_jump(spec.precision), phase_types(spec.dimension, spec.precision)[0]
+    parts_jump, curved = make_parts_jump(spec.precision), curvature_type(spec)
     hardening, damping, damps = make_hardening(spec.precision), make_damping(spec), spec.acoustic_damping
     gravity_of, _ = make_forcing(spec)
     periodic, jumps = any(spec.periodic), spec.tension == "pressure_jump" and not spec.triple
@@ -138,10 +138,8 @@ def make_continuity(spec: Spec) -> Any:
         boundary_volume: wp.array(dtype=real),
         mirror_velocity: wp.array(dtype=vec),
         pressure_gradient: wp.array(dtype=vec),
-        curvature: wp.array(dtype=real),
-        interface_weight: wp.array(dtype=real),
-        phase_curvature: wp.array(dtype=phased),
-        phase_weight: wp.array(dtype=phased),
+        curvature: wp.array(dtype=curved),
+        interface_weight: wp.array(dtype=curved),
         density_excess: wp.array(dtype=real),
         state: wp.array(dtype=pair),
         zone: wp.array(dtype=wp.int8),
@@ -206,7 +204,7 @@ def make_continuity(spec: Spec) -> Any:
                             g = gravity_of(params, forcing, GRAVITY_NOW)
                             dp -= real(0.5) * (own.density + other.density) * wp.dot(g, d)
                         if wp.static(spec.triple):
-                            dp -= parts_jump(tension, own_phase, other_phase, phase_curvature, phase_weight, i, j)
+                            dp -= parts_jump(tension, own_phase, other_phase, curvature, interface_weight, i, j)
                         elif wp.static(jumps):
                             sigma = tension[own_phase * phases.shape[0] + other_phase]
                             dp -= laplace_jump(sigma, kappa_i, curvature[j], w_i, interface_weight[j])

@@ -32,7 +32,7 @@ from warpsph.kernels.core.fields import FLUID
 from warpsph.kernels.core.pair import BAND, NEAR, WRAPPED, list_access, separation_of
 from warpsph.kernels.core.params import make_params, make_phase
 from warpsph.kernels.core.smoothing import make_smoothing
-from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, phase_types, types_of
+from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, curvature_type, types_of
 from warpsph.kernels.core.time_signals import GRAVITY_NEXT, make_forcing
 from warpsph.kernels.core.viscosity import make_viscosity
 
@@ -62,7 +62,7 @@ def make_momentum(spec: Spec) -> Any:
     list_begin, list_step, neighbour, Listed = list_access(spec)
     _, star_pressure = make_star(spec.precision, spec.paper_star)
     laplace_jump, parts_jump = make_jump(spec.precision), make_parts_jump(spec.precision)
-    phased, _ = phase_types(spec.dimension, spec.precision)
+    curved = curvature_type(spec)
     alone_at_wall, wall_reaction = make_one_sided(spec.dimension, spec.precision)
     viscous = spec.viscosity != "none"
     viscous_term = make_viscosity(spec.viscosity if viscous else "morris", spec.dimension, spec.precision)
@@ -99,10 +99,8 @@ def make_momentum(spec: Spec) -> Any:
         velocity: wp.array(dtype=vec),
         state: wp.array(dtype=pair),
         rest_volume: wp.array(dtype=real),
-        curvature: wp.array(dtype=real),
-        interface_weight: wp.array(dtype=real),
-        phase_curvature: wp.array(dtype=phased),
-        phase_weight: wp.array(dtype=phased),
+        curvature: wp.array(dtype=curved),
+        interface_weight: wp.array(dtype=curved),
         normal: wp.array(dtype=vec),
         mirror_velocity: wp.array(dtype=vec),
         slip: wp.array(dtype=wp.uint8),
@@ -223,7 +221,7 @@ def make_momentum(spec: Spec) -> Any:
                         beside = beside or f != real(0.0)
                         jump = real(0.0)
                         if wp.static(spec.triple):
-                            jump = parts_jump(tension, own_phase, other_phase, phase_curvature, phase_weight, i, j)
+                            jump = parts_jump(tension, own_phase, other_phase, curvature, interface_weight, i, j)
                         elif wp.static(jumps):
                             sigma = tension[own_phase * phases.shape[0] + other_phase]
                             jump = laplace_jump(sigma, kappa_i, curvature[j], w_i, interface_weight[j])

@@ -126,7 +126,7 @@ def make_phase_shares(spec: Spec) -> Any:
 def make_phase_normals(spec: Spec) -> Any:
     """Return the kernel of the gradients n_k [1/m] and their weights (|n_k| h)^2, zero where |n_k| < 0.01/h.
 
-    `normal` and `interface_weight` are those of the own phase, for outputs and gauges.
+    `normal` is that of the own phase, for outputs and gauges.
     """
     real, vec, _, pair = types_of(spec)
     phased, normals = phase_types(spec.dimension, spec.precision)
@@ -151,9 +151,8 @@ def make_phase_normals(spec: Spec) -> Any:
         state: wp.array(dtype=pair),
         share: wp.array(dtype=phased),
         phase_normal: wp.array(dtype=normals),
-        phase_weight: wp.array(dtype=phased),
+        interface_weight: wp.array(dtype=phased),
         normal: wp.array(dtype=vec),
-        interface_weight: wp.array(dtype=real),
     ):
         i = wp.tid() + first
         if wp.static(spec.row_list):
@@ -181,10 +180,8 @@ def make_phase_normals(spec: Spec) -> Any:
             if strength2 >= real(FAINTEST * FAINTEST):
                 weight[each] = strength2
         phase_normal[i] = n
-        phase_weight[i] = weight
-        own = int(phase[i])
-        normal[i] = n[own]
-        interface_weight[i] = weight[own]
+        interface_weight[i] = weight
+        normal[i] = n[int(phase[i])]
 
     return phase_normals
 
@@ -215,8 +212,8 @@ def make_phase_curvatures(spec: Spec) -> Any:
         position: wp.array(dtype=vec),
         state: wp.array(dtype=pair),
         phase_normal: wp.array(dtype=normals),
-        phase_weight: wp.array(dtype=phased),
-        phase_curvature: wp.array(dtype=phased),
+        interface_weight: wp.array(dtype=phased),
+        curvature: wp.array(dtype=phased),
     ):
         i = wp.tid() + first
         if wp.static(spec.row_list):
@@ -232,7 +229,7 @@ def make_phase_curvatures(spec: Spec) -> Any:
         end = begin + int(fluid_neighbours[i]) * step
         each = int(0)
         while each < 3:
-            if phase_weight[i][each] > real(0.0):
+            if interface_weight[i][each] > real(0.0):
                 unit_i = wp.normalize(phase_normal[i][each])
                 moment = mat()
                 spread = mat()
@@ -240,7 +237,7 @@ def make_phase_curvatures(spec: Spec) -> Any:
                 while k < end:
                     j = neighbour(neighbours, i, k)
                     k += step
-                    if phase_weight[j][each] > real(0.0):
+                    if interface_weight[j][each] > real(0.0):
                         d = separation(xi, position[j], True, params)
                         f = slope(wp.sqrt(wp.dot(d, d)) * params.inv_h) * state[j][1] * params.g_norm
                         unit_j = wp.normalize(phase_normal[j][each])
@@ -252,7 +249,7 @@ def make_phase_curvatures(spec: Spec) -> Any:
                 limit = real(SHARPEST) * params.inv_h
                 kappas[each] = wp.clamp(kappa, -limit, limit)
             each += 1
-        phase_curvature[i] = kappas
+        curvature[i] = kappas
 
     return phase_curvatures
 
@@ -261,7 +258,7 @@ def make_phase_curvatures(spec: Spec) -> Any:
 def make_phase_evened(spec: Spec, sharp: bool) -> Any:
     """Return the kernel of the means of the curvatures across the interfaces, as `make_evened`, of each phase for itself.
 
-    Of the phase k both sides of its interface take part, with the same sign. `curvature` becomes that of the own phase.
+    Of the phase k both sides of its interface take part, with the same sign.
     """
     real, vec, _, pair = types_of(spec)
     phased, normals = phase_types(spec.dimension, spec.precision)
@@ -282,14 +279,12 @@ def make_phase_evened(spec: Spec, sharp: bool) -> Any:
         neighbours: Listed,
         fluid_neighbours: wp.array(dtype=wp.int16),
         flags: wp.array(dtype=wp.uint8),
-        phase: wp.array(dtype=wp.int8),
         position: wp.array(dtype=vec),
         state: wp.array(dtype=pair),
         phase_normal: wp.array(dtype=normals),
-        phase_weight: wp.array(dtype=phased),
-        phase_curvature: wp.array(dtype=phased),
-        phase_mean: wp.array(dtype=phased),
-        curvature: wp.array(dtype=real),
+        interface_weight: wp.array(dtype=phased),
+        curvature: wp.array(dtype=phased),
+        mean_curvature: wp.array(dtype=phased),
     ):
         i = wp.tid() + first
         if wp.static(spec.row_list):
@@ -299,9 +294,9 @@ def make_phase_evened(spec: Spec, sharp: bool) -> Any:
         elif (int(flags[i]) & BAND) == 0:
             return
         xi = position[i]
-        own = phase_curvature[i]
+        own = curvature[i]
         if wp.static(sharp):
-            own = phase_mean[i]
+            own = mean_curvature[i]
         means = phased()
         inv_width2 = real(NARROW) * params.inv_h * params.inv_h
         step = list_step(particle_count)
@@ -309,7 +304,7 @@ def make_phase_evened(spec: Spec, sharp: bool) -> Any:
         end = begin + int(fluid_neighbours[i]) * step
         each = int(0)
         while each < 3:
-            weight = phase_weight[i][each]
+            weight = interface_weight[i][each]
             if weight > real(0.0):
                 unit_i = wp.normalize(phase_normal[i][each])
                 total = weight * weight * state[i][1]
@@ -320,25 +315,24 @@ def make_phase_evened(spec: Spec, sharp: bool) -> Any:
                     k += step
                     d = separation(xi, position[j], True, params)
                     r2 = wp.dot(d, d)
-                    w = phase_weight[j][each]
+                    w = interface_weight[j][each]
                     if w > real(0.0) and r2 * params.inv_h * params.inv_h < real(reach2):
                         across = wp.dot(d, unit_i)
                         alike = wp.max(wp.dot(unit_i, wp.normalize(phase_normal[j][each])), real(0.0))
                         w = alike * w * w * state[j][1] * wp.exp((across * across - r2) * inv_width2)
                         total += w
                         if wp.static(sharp):
-                            mean += w * phase_mean[j][each]
+                            mean += w * mean_curvature[j][each]
                         else:
-                            mean += w * phase_curvature[j][each]
+                            mean += w * curvature[j][each]
                 means[each] = mean / total
             each += 1
         if wp.static(sharp):
             limit = real(SHARPEST) * params.inv_h
             for each in range(3):
                 means[each] = wp.clamp(own[each] + real(sharper) * (own[each] - means[each]), -limit, limit)
-            phase_curvature[i] = means
-            curvature[i] = means[int(phase[i])]
+            curvature[i] = means
         else:
-            phase_mean[i] = means
+            mean_curvature[i] = means
 
     return phase_evened

@@ -152,7 +152,7 @@ def on_device(case: Case, spec: Spec, fluid: int, walls: int, support: float, sk
     real = 8 if spec.precision == "float64" else 4
     size = {"real": real, "vec": spec.dimension * real, "mat": spec.dimension**2 * real, "pair": 2 * real}
     size["origins"] = spec.windows * size["vec"]
-    size.update(phased=3 * real, normals=3 * size["vec"])
+    size.update(phased=3 * real, normals=3 * size["vec"], curved=(3 if spec.triple else 1) * real)
     size.update(int8=1, uint8=1, int16=2, int32=4)
     rows = {"fluid": fluid, "wall": walls, "all": fluid + walls}
     fields = [field for field in case.scheme.fields() if field.exists(spec)]
