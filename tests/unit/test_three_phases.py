@@ -46,6 +46,20 @@ def test_two_phases_in_reach_are_as_those_of_two(dimension, device):
     assert (weight > 0).sum(axis=1).max() == 2
 
 
+def test_columns_give_the_same(device):
+    """The layout for GPUs, which does without the compact list of the band, at a point where three sectors meet."""
+    x = lattice((24, 24), 1.0, 0.1)
+    phase = np.floor((np.arctan2(x[:, 1], x[:, 0]) + np.pi) / (2 * np.pi / 3) - 1e-12).astype(int)
+    found = []
+    for row_list in (True, False):
+        spec = dataclasses.replace(SPEC, triple=True, row_list=row_list)
+        found.append(Bench(spec, x, spacing=1.0, phase=phase, fluids=FLUIDS, device=device))
+        found[-1].prepare()
+    for name in ("share", "phase_normal", "interface_weight", "curvature"):
+        np.testing.assert_allclose(found[1].get(name), found[0].get(name), rtol=1e-9, atol=1e-9, err_msg=name)
+    assert np.abs(found[0].get("curvature")).max() > 0.1
+
+
 def test_shares_add_up_to_one_and_normals_to_nothing(device):
     """At a point where three sectors meet."""
     x = lattice((30, 30), 1.0, 0.1)
