@@ -29,7 +29,7 @@ from .clock import (
 )
 from .mirror import NO_WALL, code_shift, make_images, make_sides
 from .pair import BAND, NEAR, WRAPPED, list_access, make_entry, make_nearest, natural
-from .spec import Spec, types, types_of
+from .spec import Spec, curvature_type, phase_types, types, types_of
 
 
 @functools.cache
@@ -576,6 +576,8 @@ def make_band(spec: Spec) -> tuple[Any, Any]:
     """
     real, vec, _, _ = types_of(spec)
     tension = spec.tension != "none"
+    curved = curvature_type(spec)
+    phased, _ = phase_types(spec.dimension, spec.precision)
     list_begin, list_step, neighbour, Listed = list_access(spec)
 
     @wp.kernel(module="unique", enable_backward=False)
@@ -589,8 +591,10 @@ def make_band(spec: Spec) -> tuple[Any, Any]:
         band_mark: wp.array(dtype=int),
         fraction: wp.array(dtype=real),
         normal: wp.array(dtype=vec),
-        interface_weight: wp.array(dtype=real),
-        curvature: wp.array(dtype=real),
+        interface_weight: wp.array(dtype=curved),
+        curvature: wp.array(dtype=curved),
+        phase: wp.array(dtype=wp.int8),
+        share: wp.array(dtype=phased),
     ):
         i = wp.tid() + first
         mark = int(0)
@@ -613,9 +617,13 @@ def make_band(spec: Spec) -> tuple[Any, Any]:
         if mark == 0:
             fraction[i] = real(1.0)
             normal[i] = vec()
-            interface_weight[i] = real(0.0)
+            interface_weight[i] = curved(real(0.0))
             if wp.static(tension):
-                curvature[i] = real(0.0)
+                curvature[i] = curved(real(0.0))
+            if wp.static(spec.triple):
+                alone = phased()
+                alone[int(phase[i])] = real(1.0)
+                share[i] = alone
 
     @wp.kernel(module="unique", enable_backward=False)
     def gather_band(

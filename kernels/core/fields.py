@@ -10,7 +10,7 @@ from typing import Any
 
 import warp as wp
 
-from .spec import Spec, origins_type, types_of
+from .spec import Spec, curvature_type, origins_type, phase_types, types_of
 
 NOBODY, FLUID, BUFFER = 0, 1, 2  # of `zone`; BUFFER + k is the buffer of the open side k
 
@@ -122,7 +122,8 @@ class Field:
     Attributes:
         name: also the argument name in kernels.
         kind: "real", "vec", "mat", "pair" (pressure, volume), "int8", "uint8", "int16", "int32",
-            or "origins", a place for each window.
+            "origins", a place for each window, "phased" or "normals", a number or a vector for each of three phases,
+            "curved", a number, or one for each phase where `Spec.triple` says so.
         rows: "fluid", "wall" or "all"; fluid rows come before wall rows.
         kept: part of the state between steps: follows the sort and is written to checkpoints.
         exists: whether a `Spec` has the field.
@@ -145,6 +146,10 @@ class Field:
         named = {"int8": wp.int8, "uint8": wp.uint8, "int16": wp.int16, "int32": wp.int32}
         if self.kind == "origins":
             return origins_type(spec)
+        if self.kind == "curved":
+            return curvature_type(spec)
+        if self.kind in ("phased", "normals"):
+            return phase_types(spec.dimension, spec.precision)[self.kind == "normals"]
         return named.get(self.kind) or getattr(types_of(spec), self.kind)
 
 

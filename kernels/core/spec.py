@@ -35,6 +35,7 @@ class Spec:
         viscosity: "none", "morris", "radial" or "paper".
         viscous_stages: stages of friction in a step, 1 where it is explicit (riemann).
         tension: "none", "pressure_jump" or "body_force".
+        triple: three phases with tensions between them, whose interfaces may meet.
         contact_angle: interfaces meet walls at given angles.
         interface: interface normals are evaluated: with tension in every step, else where a gauge asks for them.
         corrected: corrected ("minus") pressure gradient instead of the conservative ("plus") one.
@@ -96,6 +97,7 @@ class Spec:
     viscosity: str = "none"
     viscous_stages: int = 1
     tension: str = "none"
+    triple: bool = False
     contact_angle: bool = False
     interface: bool = False
     corrected: bool = False
@@ -168,6 +170,18 @@ def types(dimension: int, precision: str) -> Types:
 def types_of(spec: Spec) -> Types:
     """Return the Warp types of a `Spec`."""
     return types(spec.dimension, spec.precision)
+
+
+@functools.cache
+def phase_types(dimension: int, precision: str) -> tuple[Any, Any]:
+    """Return the Warp types of a number and of a vector for each of three phases, the latter a row a phase."""
+    real = types(dimension, precision).real
+    return wp.types.vector(length=3, dtype=real), wp.types.matrix(shape=(3, dimension), dtype=real)
+
+
+def curvature_type(spec: Spec) -> Any:
+    """Return the Warp type of what a particle knows of interfaces: a number, or one for each of three phases."""
+    return phase_types(spec.dimension, spec.precision)[0] if spec.triple else types_of(spec).real
 
 
 def origins_type(spec: Spec) -> Any:

@@ -16,11 +16,12 @@ from warpsph.kernels.core.fields import FLUID
 from warpsph.kernels.core.pair import NEAR, WRAPPED, list_access, separation_of
 from warpsph.kernels.core.params import make_params, make_phase
 from warpsph.kernels.core.smoothing import make_smoothing
-from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, types, types_of
+from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, curvature_type, types, types_of
 from warpsph.kernels.core.time_signals import GRAVITY_NOW, make_forcing
 
 from .body_flow import make_body_flow
 from .star import make_carried, make_jump, make_star
+from .three_phases import make_parts_jump
 
 PRESSED = 1.1  # density over that at rest from which on the impedance follows it
 LOUDEST = 0.01  # of rho c^2, the pressure of compression that sound speeds are made for: damping goes up to it
@@ -104,11 +105,11 @@ def make_continuity(spec: Spec) -> Any:
     list_begin, list_step, neighbour, Listed = list_access(spec)
     star_velocity, _ = make_star(spec.precision, spec.paper_star)
     laplace_jump, carried = make_jump(spec.precision), make_carried(spec.dimension, spec.precision)
+    parts_jump, curved = make_parts_jump(spec.precision), curvature_type(spec)
     hardening, damping, damps = make_hardening(spec.precision), make_damping(spec), spec.acoustic_damping
     gravity_of, _ = make_forcing(spec)
-    periodic, jumps = any(spec.periodic), spec.tension == "pressure_jump"
-    spray = spec.free_surface and not spec.multiphase
-    sided = spec.multiphase and not spec.paper_star
+    periodic, jumps = any(spec.periodic), spec.tension == "pressure_jump" and not spec.triple
+    spray, sided = spec.free_surface and not spec.multiphase, spec.multiphase and not spec.paper_star
     linear = spec.bodies and spec.corrected  # exact for a linear velocity and pressure on any arrangement
     rate_at_bodies = make_body_flow(spec)
     sparse = SPARSE * spec.dimension
@@ -137,8 +138,8 @@ def make_continuity(spec: Spec) -> Any:
         boundary_volume: wp.array(dtype=real),
         mirror_velocity: wp.array(dtype=vec),
         pressure_gradient: wp.array(dtype=vec),
-        curvature: wp.array(dtype=real),
-        interface_weight: wp.array(dtype=real),
+        curvature: wp.array(dtype=curved),
+        interface_weight: wp.array(dtype=curved),
         density_excess: wp.array(dtype=real),
         state: wp.array(dtype=pair),
         zone: wp.array(dtype=wp.int8),
@@ -156,8 +157,7 @@ def make_continuity(spec: Spec) -> Any:
             own = phases[own_phase]
         wrapped, near = bool(False), bool(False)
         if wp.static(periodic or spec.multiphase):
-            wrapped = (int(flags[i]) & WRAPPED) != 0
-            near = (int(flags[i]) & NEAR) != 0
+            wrapped, near = (int(flags[i]) & WRAPPED) != 0, (int(flags[i]) & NEAR) != 0
         inv_z = own.mobility  # a quotient here would be pushed into the pair loop by the compiler
         hardened, softened = real(1.0), real(1.0)
         if wp.static(spec.dissipation and spec.multiphase):
@@ -203,12 +203,13 @@ def make_continuity(spec: Spec) -> Any:
                         if wp.static(spec.gravity):
                             g = gravity_of(params, forcing, GRAVITY_NOW)
                             dp -= real(0.5) * (own.density + other.density) * wp.dot(g, d)
-                        if wp.static(jumps):
+                        if wp.static(spec.triple):
+                            dp -= parts_jump(tension, own_phase, other_phase, curvature, interface_weight, i, j)
+                        elif wp.static(jumps):
                             sigma = tension[own_phase * phases.shape[0] + other_phase]
                             dp -= laplace_jump(sigma, kappa_i, curvature[j], w_i, interface_weight[j])
                         inv_r = real(1.0) / wp.max(r, real(1.0e-6) * params.h)
-                        u_i = -wp.dot(vi, d) * inv_r
-                        u_j = -wp.dot(velocity[j], d) * inv_r
+                        u_i, u_j = -wp.dot(vi, d) * inv_r, -wp.dot(velocity[j], d) * inv_r
                         driving = params.dissipation * dp
                         if wp.static(sided):
                             # what drives the pressures of the two together is kept apart: it may not overshoot
@@ -217,9 +218,7 @@ def make_continuity(spec: Spec) -> Any:
                             stiffness -= real(2.0) * f * r * own.impedance / both
                             plain_stiffness -= f * r
                             driving = real(0.0)
-                        u_star = star_velocity(
-                            u_i, u_j, own.density, other.density, own.impedance, other.impedance, driving
-                        )
+                        u_star = star_velocity(u_i, u_j, own.density, other.density, own.impedance, other.impedance, driving)
                         if wp.static(sided):
                             # what the weights leave out, from the own phase of the denser particle (`interface_flow`)
                             dense = wp.where(own.density < other.density, j, i)

@@ -32,11 +32,12 @@ from warpsph.kernels.core.fields import FLUID
 from warpsph.kernels.core.pair import BAND, NEAR, WRAPPED, list_access, separation_of
 from warpsph.kernels.core.params import make_params, make_phase
 from warpsph.kernels.core.smoothing import make_smoothing
-from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, types_of
+from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, curvature_type, types_of
 from warpsph.kernels.core.time_signals import GRAVITY_NEXT, make_forcing
 from warpsph.kernels.core.viscosity import make_jump_traction, make_viscosity
 
 from .star import make_jump, make_one_sided, make_star
+from .three_phases import make_parts_jump
 
 # Gaps [spacings] at which a particle begins to touch a wall, half of the place of its row, and at which it is stopped.
 TOUCH, STOP = 0.25, 0.1
@@ -60,13 +61,14 @@ def make_momentum(spec: Spec) -> Any:
     separation = separation_of(spec)
     list_begin, list_step, neighbour, Listed = list_access(spec)
     _, star_pressure = make_star(spec.precision, spec.paper_star)
-    laplace_jump = make_jump(spec.precision)
+    laplace_jump, parts_jump = make_jump(spec.precision), make_parts_jump(spec.precision)
+    curved = curvature_type(spec)
     alone_at_wall, wall_reaction = make_one_sided(spec.dimension, spec.precision)
     viscous = spec.viscosity != "none"
     viscous_term = make_viscosity(spec.viscosity if viscous else "morris", spec.dimension, spec.precision)
     gravity_of, body_force_of = make_forcing(spec)
     periodic = any(spec.periodic)
-    jumps = spec.tension == "pressure_jump"
+    jumps = spec.tension == "pressure_jump" and not spec.triple
     body_tension = spec.tension == "body_force"
     dimension = float(spec.dimension)
     sided = spec.multiphase and not spec.paper_star
@@ -99,8 +101,8 @@ def make_momentum(spec: Spec) -> Any:
         velocity: wp.array(dtype=vec),
         state: wp.array(dtype=pair),
         rest_volume: wp.array(dtype=real),
-        curvature: wp.array(dtype=real),
-        interface_weight: wp.array(dtype=real),
+        curvature: wp.array(dtype=curved),
+        interface_weight: wp.array(dtype=curved),
         normal: wp.array(dtype=vec),
         mirror_velocity: wp.array(dtype=vec),
         slip: wp.array(dtype=wp.uint8),
@@ -220,7 +222,9 @@ def make_momentum(spec: Spec) -> Any:
                         other = phases[other_phase]
                         beside = beside or f != real(0.0)
                         jump = real(0.0)
-                        if wp.static(jumps):
+                        if wp.static(spec.triple):
+                            jump = parts_jump(tension, own_phase, other_phase, curvature, interface_weight, i, j)
+                        elif wp.static(jumps):
                             sigma = tension[own_phase * phases.shape[0] + other_phase]
                             jump = laplace_jump(sigma, kappa_i, curvature[j], w_i, interface_weight[j])
                         p_star = star_pressure(p_i, state_j[0], own.density, other.density, jump)

@@ -20,6 +20,10 @@ def _jump(spec: Spec) -> bool:
     return spec.tension == "pressure_jump"
 
 
+def _triple(spec: Spec) -> bool:
+    return spec.triple
+
+
 def _contact(spec: Spec) -> bool:
     return spec.contact_angle
 
@@ -55,9 +59,11 @@ RIEMANN_FIELDS: tuple[Field, ...] = (
     Field("fraction", "real", "fluid", False, _interface, "-", "share of the own phase around a particle"),
     Field("contact_cosine", "real", "fluid", False, _contact, "-", "of the contact angle of its own phase"),
     Field("normal", "vec", "fluid", True, _interface, "1/m", "gradient of the own phase's share"),
-    Field("interface_weight", "real", "fluid", True, _interface, "-", "(|normal| h)^2, zero away from interfaces"),
-    Field("curvature", "real", "fluid", True, _tension, "1/m", "of the interface, positive if the own phase is convex"),
-    Field("mean_curvature", "real", "fluid", False, _jump, "1/m", "the same on both sides of an interface"),
+    Field("interface_weight", "curved", "fluid", True, _interface, "-", "(|normal| h)^2, zero away from interfaces"),
+    Field("curvature", "curved", "fluid", True, _tension, "1/m", "of the interface, positive if the own phase is convex"),
+    Field("mean_curvature", "curved", "fluid", False, _jump, "1/m", "the same on both sides of an interface"),
+    Field("share", "phased", "fluid", False, _triple, "-", "shares of the phases around a particle"),
+    Field("phase_normal", "normals", "fluid", False, _triple, "1/m", "gradients of these shares"),
     Field("band_mark", "int32", "fluid", False, _band_list, "-", "1 in the interface band"),
     Field("band_sum", "int32", "fluid", False, _band_list, "-", "running sum of band_mark"),
     Field("band", "int32", "fluid", False, _band_list, "-", "particles of the interface band, in order"),

@@ -39,12 +39,28 @@ def test_sectors_have_their_angles(triple_point, angles):
     assert (phase == expected)[distance > 1.0].all()
 
 
-def test_a_point_out_of_balance_is_pulled_as_the_tensions_pull(triple_point):
-    """With equal tensions the pull points where the three directions point, and is nearer to their sum than nothing is."""
-    directions = np.radians(np.cumsum([0.0, 150.0, 105.0]))
-    exact = np.array([np.cos(directions).sum(), np.sin(directions).sum()])
+# Of water-air, water-oil, oil-air, and of oil, water, air: Neumann's angles of tensions 5 : 4 : 3, one point out of balance,
+# and oil that wets all of the water, so that no angles are in balance.
+@pytest.mark.parametrize(
+    ("tensions", "angles"),
+    [
+        ((1.0, 0.8, 0.6), (90.0, 143.13, 126.87)),
+        ((1.0, 1.0, 1.0), (150.0, 105.0, 105.0)),
+        ((1.0, 0.5, 0.4), (60.0, 150.0, 150.0)),
+    ],
+)
+def test_a_point_is_pulled_as_the_tensions_pull(triple_point, tensions, angles):
+    """An interface that is 3 degrees off pulls with 0.052 of its tension.
+
+    With the tension of each pair the unequal ones are 0.34 and 0.57 off.
+    """
+    water_air, water_oil, oil_air = tensions
+    matrix = np.array([[0, water_oil, oil_air], [water_oil, 0, water_air], [oil_air, water_air, 0]])
+    directions = np.radians(np.cumsum([0.0, *angles[:2]]))
+    exact = np.array([oil_air, water_oil, water_air]) @ np.column_stack([np.cos(directions), np.sin(directions)])
     found = []
-    for turn in np.radians([20.0, 110.0, 200.0, 290.0]):
+    for turn in np.radians([5.0, 50.0, 95.0, 140.0, 185.0, 230.0, 275.0, 320.0]):
         back = np.array([[math.cos(turn), math.sin(turn)], [-math.sin(turn), math.cos(turn)]])
-        found.append(back @ triple_point.pulls(triple_point.three_sectors(directions + turn, EQUAL), EQUAL)["program"])
-    assert np.hypot(*(np.mean(found, axis=0) - exact)) < 0.5 * np.hypot(*exact)
+        found.append(back @ triple_point.pulls(triple_point.three_sectors(directions + turn, matrix), matrix)["program"])
+    error = 2.0 * np.std(found, axis=0).max() / math.sqrt(len(found))
+    assert np.hypot(*(np.mean(found, axis=0) - exact)) < 0.052 + error

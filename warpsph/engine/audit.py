@@ -19,7 +19,8 @@ if TYPE_CHECKING:
 # What a build of the neighbour list writes.
 LIST_WRITES = frozenset(
     {"anchor", "offset", "position", "fluid_neighbours", "wall_neighbours", "flags", "band_mark", "band_sum", "band",
-     "fraction", "normal", "interface_weight", "curvature"}
+     "fraction", "normal", "interface_weight", "curvature",
+     "share"}
 )  # fmt: skip
 
 

@@ -153,6 +153,7 @@ def on_device(case: Case, spec: Spec, fluid: int, walls: int, support: float, sk
     real = 8 if spec.precision == "float64" else 4
     size = {"real": real, "vec": spec.dimension * real, "mat": spec.dimension**2 * real, "pair": 2 * real}
     size["origins"] = spec.windows * size["vec"]
+    size.update(phased=3 * real, normals=3 * size["vec"], curved=(3 if spec.triple else 1) * real)
     size.update(int8=1, uint8=1, int16=2, int32=4)
     rows = {"fluid": fluid, "wall": walls, "all": fluid + walls}
     fields = [field for field in case.scheme.fields() if field.exists(spec)]
@@ -193,6 +194,7 @@ def _structure(case: Case, found: Count, row_list: bool) -> Spec:
         walls=found.walls > 0,
         wall_no_slip=viscous and found.walls > 0,
         tension="pressure_jump" if tension else "none",
+        triple=tension and len(case.phases) == 3,
         contact_angle=tension and any(pair.contact_angle is not None for pair in case.surface_tension),
         interface=several and (tension or measured),
         paper_star=paper and several,

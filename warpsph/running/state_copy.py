@@ -129,6 +129,9 @@ class StateCopy:
             return self._fluid_and_walls(self._rest_density() * arrays["rest_volume"], wall_density * wall_volume)
         if name == "volume":
             return self._fluid_and_walls(self._rest_density() * arrays["rest_volume"] / self._density(), wall_volume)
+        if name == "curvature" and spec.triple:
+            own = arrays["curvature"][np.arange(nf), arrays["phase"]]
+            return self._fluid_and_walls(own, 0.0)
         if name in ("curvature", "q_criterion", "vorticity", *LYAPUNOV_FIELDS) and arrays[name].ndim == 1:
             return self._fluid_and_walls(arrays[name], 0.0)
         source = "anchor" if name == "position" else name

@@ -164,6 +164,11 @@ def derive(case: Case, geometry: Geometry, row_list: bool = True) -> Physics:
     if float(damping) > 0 and fitted and not corrected:
         rule = "beside bodies needs the corrected pressure gradient: their pressure differences drive the density else"
         raise CaseError([Problem("numerics.acoustic_damping", damping, rule, "write auto or 0")])
+    angles = (
+        has_tension
+        and geometry.wall_count > 0
+        and any(pair.contact_angle is not None and pair.coefficient > 0 for pair in case.surface_tension)
+    )
     spec = Spec(
         dimension=case.dimension,
         precision=case.precision,
@@ -177,9 +182,8 @@ def derive(case: Case, geometry: Geometry, row_list: bool = True) -> Physics:
         wall_no_slip=viscous and bool((geometry.wall_slip[geometry.kind == 1] == 0).any()),
         viscosity=str(form) if viscous else "none",
         tension=str(tension_form) if has_tension else "none",
-        contact_angle=has_tension
-        and geometry.wall_count > 0
-        and any(pair.contact_angle is not None and pair.coefficient > 0 for pair in case.surface_tension),
+        triple=tension_form == "pressure_jump" and not paper and not angles and has_triple_points(tension),
+        contact_angle=angles,
         interface=len(phases) > 1
         and (has_tension or any(gauge.type == "interface_length" for gauge in case.gauges.values())),
         corrected=corrected,
@@ -290,6 +294,11 @@ def sound_speeds(
                 f"than a few per cent; use at least {least:.4g} m/s or `auto`"
             )
     return result, warnings
+
+
+def has_triple_points(tension: np.ndarray) -> bool:
+    """Return whether there are three phases, and tensions between at least two pairs of them, as a matrix [N/m]."""
+    return len(tension) == 3 and int(np.count_nonzero(np.triu(tension, 1) > 0)) > 1
 
 
 def tension_onset(case: Case, geometry: Geometry, tension: np.ndarray) -> float:

@@ -25,6 +25,12 @@ from warpsph.kernels.riemann.printed_load import make_printed_load
 from warpsph.kernels.riemann.printed_sweeps import make_printed_continuity, make_printed_momentum
 from warpsph.kernels.riemann.printed_tension import make_printed_colour, make_printed_curvature, make_printed_normal
 from warpsph.kernels.riemann.relaxation import make_relaxation
+from warpsph.kernels.riemann.three_phases import (
+    make_phase_curvatures,
+    make_phase_evened,
+    make_phase_normals,
+    make_phase_shares,
+)
 from warpsph.kernels.riemann.volume import make_volume
 from warpsph.schemes.map_stages import exponents, follow_shift, windows
 from warpsph.schemes.open_stages import buffer_gradient, closed_sides, crossing, fill, open_flow, sponge
@@ -188,6 +194,8 @@ def tension(spec: Spec) -> list[Stage]:
             Stage("colour_normal", make_printed_normal(spec), "fluid", "interface normals, eq (21)"),
             Stage("curvature", make_printed_curvature(spec), "fluid", "interface curvature, eq (23)"),
         ]
+    if spec.triple:
+        return three_phases(spec)
     stages = [
         Stage("own_fraction", make_fraction(spec), "band", "colour for the surface tension"),
         Stage("colour_normal", make_normal(spec), "band", "interface normals"),
@@ -200,6 +208,17 @@ def tension(spec: Spec) -> list[Stage]:
         stages.append(Stage("mean_curvature", make_evened(spec, False), "band", text))
         stages.append(Stage("sharp_curvature", make_evened(spec, True), "band", "what the means have smoothed is put back"))
     return stages
+
+
+def three_phases(spec: Spec) -> list[Stage]:
+    """Return the stages that find the curvature of the interface of each of three phases."""
+    return [
+        Stage("phase_shares", make_phase_shares(spec), "band", "colours for the surface tension of three phases"),
+        Stage("phase_normals", make_phase_normals(spec), "band", "normals of the interface of each phase"),
+        Stage("phase_curvatures", make_phase_curvatures(spec), "band", "curvature of the interface of each phase"),
+        Stage("phase_means", make_phase_evened(spec, False), "band", "curvature the same on both sides of an interface"),
+        Stage("phase_sharpened", make_phase_evened(spec, True), "band", "what the means have smoothed is put back"),
+    ]
 
 
 def absent(spec: Spec) -> list[Absent]:
