@@ -1,0 +1,81 @@
+"""Pictures of benchmarks: error over seconds of every choice, the front, and other codes beside."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from warpsph.study.benchmark_plan import DEFAULT
+from warpsph.study.fronts import Row, counts, front
+
+MARKERS = "osD^v<>pPX*hd8H"
+"""Shapes of the points, by choice; those of other codes are hollow."""
+
+
+def comparable(peers: Sequence[Mapping[str, Any]], name: str, about: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    """The rows of other codes that have seconds and the error by which a benchmark judges."""
+    known = about.get("peer_errors", ())
+    return [row for row in peers if row["case"] == name and row["error_name"] in known and counts(row) and row["error"]]
+
+
+def draw_case(
+    path: Path, name: str, about: Mapping[str, Any], rows: Sequence[Row], peers: Sequence[Mapping[str, Any]] = ()
+) -> Path | None:
+    """Draw the runs of a case and return the file; None, and nothing drawn, where no run has an error above 0.
+
+    A line joins the resolutions of a choice; the front is a grey band under its points. Raises OutputError.
+    """
+    from matplotlib.figure import Figure
+
+    from warpsph.files.whole_files import whole_file
+
+    drawn = [row for row in rows if counts(row) and row["error"] > 0 and row["seconds"] > 0]
+    if not drawn:
+        return None
+    figure = Figure(figsize=(7.5, 4.2), layout="constrained")
+    panel = figure.add_subplot()
+    _front(panel, front(drawn))
+    choices = dict.fromkeys(row["choice"] for row in drawn)
+    for position, choice in enumerate(choices):
+        _choice(panel, choice, position, [row for row in drawn if row["choice"] == choice])
+    for position, row in enumerate(comparable(peers, name, about)):
+        panel.loglog(
+            row["seconds"], abs(row["error"]), MARKERS[position % len(MARKERS)], markerfacecolor="none", markersize=9,
+            color="black", label=f"{row['peer']}, {row['particles']} particles",
+        )  # fmt: skip
+    panel.set_xlabel("seconds of the run")
+    panel.set_ylabel("\n".join(_wrapped(about["error_name"], 52)))
+    panel.set_title(name)
+    panel.grid(True, which="major", alpha=0.3)
+    panel.legend(fontsize=7, loc="upper left", bbox_to_anchor=(1.0, 1.0), frameon=False)
+    with whole_file(path) as temporary:
+        figure.savefig(temporary, format="png", dpi=90)
+    return path
+
+
+def _front(panel: Any, rows: Sequence[Row]) -> None:
+    """The staircase below and to the left of which there is no run."""
+    seconds, errors = [row["seconds"] for row in rows], [row["error"] for row in rows]
+    panel.step(seconds, errors, where="post", color="0.8", linewidth=7, solid_capstyle="round", label="front", zorder=0)
+    panel.set_xscale("log")
+    panel.set_yscale("log")
+    if len(rows) == 1:  # a staircase of one step is no line
+        panel.loglog(seconds, errors, "o", color="0.8", markersize=14, zorder=0)
+
+
+def _choice(panel: Any, choice: str, position: int, rows: Sequence[Row]) -> None:
+    """The resolutions of a choice, coarse to fine."""
+    ordered = sorted(rows, key=lambda row: -row["particle_spacing"])
+    colour = "black" if choice == DEFAULT else f"C{(position - 1) % 10}"
+    panel.loglog(
+        [row["seconds"] for row in ordered], [row["error"] for row in ordered], MARKERS[position % len(MARKERS)] + "-",
+        color=colour, linewidth=2.2 if choice == DEFAULT else 0.9, markersize=6 if choice == DEFAULT else 5, label=choice,
+        zorder=3 if choice == DEFAULT else 2,
+    )  # fmt: skip
+
+
+def _wrapped(text: str, width: int) -> list[str]:
+    import textwrap
+
+    return textwrap.wrap(text, width)
