@@ -21,11 +21,14 @@ from warpsph.study.benchmark import Benchmark, draw_benchmark, read_benchmark
 from warpsph.study.benchmark_advice import FILE, features, identity, length
 from warpsph.study.benchmark_pictures import comparable
 from warpsph.study.benchmark_plan import LEVELS, Planned, find_plans, planned
-from warpsph.study.fronts import TARGETS, Row, by_case, distances, front, most_accurate, quickest
+from warpsph.study.fronts import TARGETS, Row, by_case, distances, front, most_accurate, quickest, seconds_of
 
 ROOT = Path(__file__).resolve().parents[1]
 DEVICES = ("cpu", "h200")
 """Records are front_NAME.json; the pictures are those of the first."""
+
+NOISE = 1.1
+"""Seconds of equal runs differ by this factor."""
 
 KEPT = ("case", "choice", "particle_spacing", "precision", "device", "threads", "seconds", "steps", "particles", "error")
 """What the shipped table holds of a run."""
@@ -73,8 +76,8 @@ def defaults(found: Benchmark) -> Cells:
         for place, distance in enumerate(distances(rows)):
             row, better = distance.row, distance.better
             on = better is row
-            other = f"**{distance.factor:.2g} times** that of {of_run(better)} ({percent(better['error'])})"
-            told = "on the front" if on else other
+            factor = f"{distance.factor:.2f} times" if distance.factor <= NOISE else f"**{distance.factor:.2g} times**"
+            told = "on the front" if on else f"{factor} that of {of_run(better)} ({percent(better['error'])})"
             first = f"`{name}`" if place == 0 else ""
             lines.append([first, f"{row['particle_spacing']:.4g}", f"{row['seconds']:.2g}", percent(row["error"]), told])
     return ["case", "spacing [m]", "seconds", "error", "time of the default"], "lrrrl", lines
@@ -115,7 +118,7 @@ def others(found: Benchmark) -> Cells:
                 "not reached" if ours is None else of_run(ours))  # fmt: skip
             lines.append(
                 [f"`{name}`", f"{row['peer']} {row['version']}", f"`{row['command']}`", str(row["particles"]),
-                 f"{row['seconds']:.3g}", f"{row['error_name']} {percent(abs(row['error']))}", told]
+                 f"{seconds_of(row, True):.3g}", f"{row['error_name']} {percent(abs(row['error']))}", told]
             )  # fmt: skip
     return ["case", "code", "command", "particles", "seconds", "error", "here, as accurate"], "lllrrll", lines
 

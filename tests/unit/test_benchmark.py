@@ -20,7 +20,7 @@ from warpsph.study.benchmark import benchmark, read_benchmark
 from warpsph.study.benchmark_advice import advise, features, identity, length, nearest
 from warpsph.study.benchmark_pictures import comparable, draw_case
 from warpsph.study.benchmark_plan import LEVELS, find_plans, load_plan, planned
-from warpsph.study.fronts import beats, distances, front, most_accurate, quickest
+from warpsph.study.fronts import beats, distances, front, most_accurate, quickest, seconds_of
 from warpsph.study.sweep import execute
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -83,6 +83,12 @@ def test_failures_and_missing_numbers_take_no_part():
     bad = [row(1, None), row(1, math.nan), row(None, 0.01), row(1, 0.01, status="diverged"), row(math.inf, 0.01)]
     assert front([*bad, good]) == [good] and quickest([*bad, good], 1) == good == most_accurate([*bad, good])
     assert front(bad) == [] and quickest(bad, 1) is None and most_accurate(bad) is None
+
+
+def test_on_one_thread_other_work_on_the_machine_does_not_count():
+    busy = row(4, 0.1, cpu_seconds=3)
+    assert seconds_of(busy, True) == 3 and seconds_of(busy, False) == 4
+    assert seconds_of(row(4, 0.1, cpu_seconds=None), True) == 4 and seconds_of(row(None, 0.1, cpu_seconds=3), True) is None
 
 
 def test_how_far_the_default_is_from_the_front():

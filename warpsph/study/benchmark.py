@@ -22,13 +22,13 @@ from warpsph.files.output import json_text
 from warpsph.files.whole_files import write_text
 from warpsph.study.benchmark_pictures import draw_case
 from warpsph.study.benchmark_plan import LEVELS, Planned, find_plans, planned
-from warpsph.study.fronts import by_case
+from warpsph.study.fronts import by_case, seconds_of
 from warpsph.study.provenance import provenance
 from warpsph.study.sweep import Finished, sweep
 from warpsph.study.sweep_file import VARIANT
 
 COPIED = (
-    "status", "problem", "seconds", "setup_seconds", "cpu_seconds", "steps", "particles", "memory_bytes",
+    "status", "problem", "setup_seconds", "cpu_seconds", "steps", "particles", "memory_bytes",
 )  # fmt: skip
 """Columns of a sweep that a row of a benchmark has as they are."""
 
@@ -40,8 +40,9 @@ class Benchmark:
     about: commit, date, command, level, device, threads, machine
     cases: by case what its plan says: `says`, `error`, `error_name`, `peer_errors`
     rows: one dict a run: case, choice, changes (dotted keys of the choice), particle_spacing (m), precision, device,
-        threads, the columns of COPIED (`seconds` are those of the run without set-up and compilation, `cpu_seconds` those of
-        all its threads, `memory_bytes` those of the arrays of particles and lists on the device), errors, error
+        threads, seconds (see `seconds_of`) and wall_seconds of the run without set-up and compilation, the columns of COPIED
+        (`cpu_seconds` are those of all threads, `memory_bytes` those of the arrays of particles and lists on the device),
+        errors, error
     """
 
     about: dict[str, Any]
@@ -176,6 +177,8 @@ def _row(plan: Planned, row: Mapping[str, Any], device: str, threads: int | None
         "precision": changes.get("precision", plan.case.precision),
         "device": device,
         "threads": threads,
+        "seconds": seconds_of(row, device == "cpu" and threads == 1),
+        "wall_seconds": row["seconds"],
         **{key: row[key] for key in COPIED},
         "errors": errors,
         "error": plan.plan.judged(errors),

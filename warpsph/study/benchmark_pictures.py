@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from warpsph.study.benchmark_plan import DEFAULT
-from warpsph.study.fronts import Row, counts, front
+from warpsph.study.fronts import Row, counts, front, seconds_of
 
 MARKERS = "osD^v<>pPX*hd8H"
 """Shapes of the points, by choice; those of other codes are hollow."""
@@ -40,11 +40,12 @@ def draw_case(
     for position, choice in enumerate(choices):
         _choice(panel, choice, position, [row for row in drawn if row["choice"] == choice])
     for position, row in enumerate(comparable(peers, name, about)):
+        seconds = seconds_of(row, row.get("threads", 1) == 1)
         panel.loglog(
-            row["seconds"], abs(row["error"]), MARKERS[position % len(MARKERS)], markerfacecolor="none", markersize=9,
+            seconds, abs(row["error"]), MARKERS[position % len(MARKERS)], markerfacecolor="none", markersize=9,
             color="black", label=f"{row['peer']}, {row['particles']} particles",
         )  # fmt: skip
-    panel.set_xlabel("seconds of the run")
+    panel.set_xlabel("seconds of the run, without set-up")
     panel.set_ylabel("\n".join(_wrapped(about["error_name"], 52)))
     panel.set_title(name)
     panel.grid(True, which="major", alpha=0.3)

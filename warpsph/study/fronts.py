@@ -27,6 +27,16 @@ def counts(row: Row) -> bool:
     )
 
 
+def seconds_of(row: Row, one_thread: bool) -> float | None:
+    """The seconds by which a run is judged, None if it has none.
+
+    On one CPU thread those that the processor worked for it, where they are fewer than those of the clock: what the run
+    takes on a machine that does nothing else. Elsewhere those of the clock.
+    """
+    seconds, worked = row.get("seconds"), row.get("cpu_seconds")
+    return min(seconds, worked) if one_thread and seconds is not None and worked else seconds
+
+
 def beats(row: Row, other: Row) -> bool:
     """Whether a row is at least as quick and as accurate as another one, and better in one of both."""
     no_worse = row["seconds"] <= other["seconds"] and row["error"] <= other["error"]

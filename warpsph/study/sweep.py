@@ -383,13 +383,14 @@ def _simulation(case: Case, task: Task) -> Simulation:
 
 
 def _repeated(case: Case, task: Task, seconds: float, cpu_seconds: float) -> tuple[float, float]:
-    """Seconds and CPU seconds of the quickest of the runs that a task asks for, the first of which took those given."""
+    """The least seconds and the least CPU seconds of the runs that a task asks for; the first took those given."""
     best = seconds, cpu_seconds
     for _ in range(task.repeats - 1 if seconds < SHORT else 0):
         simulation = _simulation(case, replace(task, folder=None))
         begin = time.process_time()
         simulation.run()
-        best = min(best, (simulation.summary["wall_seconds"], time.process_time() - begin))
+        now = simulation.summary["wall_seconds"], time.process_time() - begin
+        best = min(best[0], now[0]), min(best[1], now[1])
         simulation.close()
     return best
 

@@ -191,7 +191,7 @@ class Sweep(CaseModel):
     )
     repeats: Annotated[int, NumberRule(least=1, integer=True)] = Field(
         default=1,
-        description="times that a run shorter than 1 s is made; seconds and cpu_seconds are those of the quickest",
+        description="times that a run shorter than 1 s is made; seconds and cpu_seconds are the least of all",
         examples=["3"],
     )
     keep_runs: bool = Field(default=False, description="keep a run folder of each run", examples=["true"])
