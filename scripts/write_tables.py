@@ -211,7 +211,7 @@ def newest_rows() -> list[Row]:
     found: dict[tuple[str, str, str], list[Row]] = {}
     for path in sorted(files):
         record = json.loads(path.read_text(encoding="utf-8"))
-        if "level" not in record or record["level"] not in LEVELS or "rows" not in record:
+        if "level" not in record or record["level"] not in LEVELS or "rows" not in record or "cases" in record:
             continue
         own: dict[tuple[str, str, str], list[Row]] = {}
         for row in rows_of(path):

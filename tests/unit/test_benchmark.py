@@ -20,7 +20,7 @@ from warpsph.study.benchmark import benchmark, read_benchmark
 from warpsph.study.benchmark_advice import advise, features, identity, length, nearest
 from warpsph.study.benchmark_pictures import comparable, draw_case
 from warpsph.study.benchmark_plan import LEVELS, find_plans, load_plan, planned
-from warpsph.study.fronts import beats, distances, front, most_accurate, quickest, seconds_of
+from warpsph.study.fronts import beats, distances, front, most_accurate, quickest, quickest_for_sure, seconds_of, sure
 from warpsph.study.sweep import execute
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -83,6 +83,14 @@ def test_failures_and_missing_numbers_take_no_part():
     bad = [row(1, None), row(1, math.nan), row(None, 0.01), row(1, 0.01, status="diverged"), row(math.inf, 0.01)]
     assert front([*bad, good]) == [good] and quickest([*bad, good], 1) == good == most_accurate([*bad, good])
     assert front(bad) == [] and quickest(bad, 1) is None and most_accurate(bad) is None
+
+
+def test_a_coarse_run_that_is_accurate_by_accident_is_not_taken():
+    rows = [row(1, 0.01, spacing=0.1), row(2, 0.06, spacing=0.05), row(4, 0.02, spacing=0.025), row(9, 0.02, "other")]
+    assert quickest(rows, 0.03) == rows[0] and quickest_for_sure(rows, 0.03) == rows[2]
+    assert quickest_for_sure(rows, 0.07) == rows[0] and quickest_for_sure(rows, 0.015) is None
+    assert sure(rows, 0.03) == [rows[2], rows[3]]
+    assert quickest_for_sure([rows[0], rows[1] | {"status": "diverged"}], 0.03) == rows[0]
 
 
 def test_on_one_thread_other_work_on_the_machine_does_not_count():
@@ -269,6 +277,18 @@ def test_the_quickest_choice_that_the_scene_allows_is_taken():
     assert found.row["choice"] == "fine" and len(found.refused) == 1 and found.refused[0].startswith("gas: ")
     # the particles and steps of the run at the rate of the stored one: 250 particle-steps a second
     assert found.particles == 400 and found.seconds == pytest.approx(found.particles * found.steps / 250)
+
+
+def test_a_gauge_that_the_settings_do_not_allow_is_a_condition():
+    wall = {"load": {"type": "wall_force", "interval": 0.01}}
+    data = scene(gauges=wall, reference={})
+    data["domain"] |= {"boundary": {"x": "wall", "y": "wall"}}
+    case = Case.from_dict(data)
+    known = table()
+    known["cases"]["scene"] |= {"features": features(case), "identity": identity(case)}
+    known["rows"] = [known["rows"][0] | {"settings": {"numerics": {"scheme": "isph"}}}]
+    found = advise(case, 0.05, known)
+    assert found.row is not None and "gauges.load" in found.condition
 
 
 def test_an_error_that_was_never_reached_names_the_best():

@@ -39,6 +39,9 @@ def print_advice(case: Case, error: float) -> None:
     from warpsph.study.benchmark_advice import advise, stored_fronts
 
     table = stored_fronts()
+    if not table["cases"]:
+        say("no benchmark is stored in this version: nothing to suggest")
+        return
     found = advise(case, error, table)
     origin = f"the benchmark {found.case} ({found.says}), {found.error_name}"
     print(f"for an error of {100 * error:g} %, from {origin}")
@@ -53,6 +56,8 @@ def print_advice(case: Case, error: float) -> None:
             f"in {duration(best['seconds'])}")  # fmt: skip
         print(f"no run that this case allows had this error: {told}")
         return
+    if found.condition is not None:
+        say(f"with these settings: {found.condition}")
     row = found.row
     rows = [(key, format_cell(value) if value != {} else "as by default") for key, value in found.changes.items()]
     rows.append(("spacings over the length", f"{found.across:.3g}"))

@@ -24,7 +24,7 @@ from warpsph.files.output import json_text
 from warpsph.running.preview import estimate
 from warpsph.scene.geometry import build
 from warpsph.scene.physics import support_radius
-from warpsph.study.fronts import Row, counts, most_accurate
+from warpsph.study.fronts import Row, counts, most_accurate, sure
 
 FILE = Path(__file__).resolve().parents[1] / "fronts.json"
 """The table that ships with the package; scripts/benchmark_page.py writes it."""
@@ -109,6 +109,7 @@ class Advice:
     changes: dotted keys and values to set
     across: spacings over the length
     particles, steps, seconds: of such a run of the scene, as expected; None where that is not known
+    condition: what a gauge or reference of the case needs changed with these settings, None if nothing
     refused: choices that were quicker, but that the scene does not allow, with the reason
     """
 
@@ -124,6 +125,7 @@ class Advice:
     particles: int | None = None
     steps: int | None = None
     seconds: float | None = None
+    condition: str | None = None
     refused: Sequence[str] = ()
 
 
@@ -161,15 +163,21 @@ def advise(case: Case, error: float, table: Mapping[str, Any], device: str = "cp
             "differences": differences, "best": most_accurate(rows)}  # fmt: skip
     across_scene = about["length"] if exact else length(case)
     refused: list[str] = []
-    for row in sorted((row for row in rows if row["error"] <= error), key=lambda row: (row["seconds"], row["error"])):
+    for row in sure(rows, error):
         across = about["length"] / row["particle_spacing"]
         changes = {"particle_spacing": across_scene / across, "precision": row["precision"], **row["settings"]}
+        condition = None
         try:
             expected = estimate(case.replace(changes))
         except CaseError as problem:
-            refused.append(f"{row['choice']}: {problem.problems[0]}")
-            continue
-        found = {"row": row, "changes": changes, "across": across, "refused": tuple(dict.fromkeys(refused))}
+            try:  # what a case measures is no part of its flow: a gauge may be what the settings do not allow
+                expected = estimate(case.replace({**changes, "gauges": {}, "reference": {}}))
+                condition = str(problem.problems[0])
+            except CaseError:
+                refused.append(f"{row['choice']}: {problem.problems[0]}")
+                continue
+        found = {"row": row, "changes": changes, "across": across, "condition": condition,
+                 "refused": tuple(dict.fromkeys(refused))}  # fmt: skip
         if "refused" in expected or "steps" not in expected:
             return Advice(**told, **found)
         count, steps = expected["particles"] + expected["walls"], expected["steps"]

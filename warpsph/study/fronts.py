@@ -56,6 +56,25 @@ def quickest(rows: Iterable[Row], error: float) -> Row | None:
     return min(fit, key=lambda row: (row["seconds"], row["error"]), default=None)
 
 
+def quickest_for_sure(rows: Sequence[Row], error: float) -> Row | None:
+    """The quickest row with at most an error that no finer run of its choice exceeds, None if none has it.
+
+    Where errors change sign from one resolution to the next, a coarse run may be accurate by accident.
+    """
+    return next(iter(sure(rows, error)), None)
+
+
+def sure(rows: Sequence[Row], error: float) -> list[Row]:
+    """The rows with at most an error that no finer run of their choice exceeds, quickest first."""
+
+    def holds(row: Row) -> bool:
+        finer = [other for other in rows if counts(other) and other["choice"] == row["choice"]
+                 and other["particle_spacing"] <= row["particle_spacing"]]  # fmt: skip
+        return all(other["error"] <= error for other in finer)
+
+    return sorted((row for row in rows if counts(row) and holds(row)), key=lambda row: (row["seconds"], row["error"]))
+
+
 def most_accurate(rows: Iterable[Row]) -> Row | None:
     """The row with the least error, None if none has one."""
     return min((row for row in rows if counts(row)), key=lambda row: (row["error"], row["seconds"]), default=None)
