@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from warpsph.cli.arguments import device_problems
+from warpsph.cli.arguments import device_problems, seconds_of, wall_time_problems
 from warpsph.cli.options import Debug
 from warpsph.cli.reporting import problem, quieten_warp, reported, say
 from warpsph.cli.tables import print_table
@@ -47,6 +47,10 @@ def benchmark(
         typer.Option(metavar="FILE", help="Figures of other codes (default: benchmarks/peers.json of the checkout)."),
     ] = None,
     retry: Annotated[bool, typer.Option("--retry", help="Make runs again that failed.")] = False,
+    wall_time: Annotated[
+        str | None,
+        typer.Option(metavar="TIME", help="Longest time of a run, e.g. 90 or 10m (default: what the plans say)."),
+    ] = None,
     draw: Annotated[bool, typer.Option("--figures/--no-figures", help="Draw a picture of each case.")] = True,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Check the plans and list the runs.")] = False,
     debug: Debug = False,
@@ -64,14 +68,14 @@ def benchmark(
             rows = [[plan.name, *point.values()] for plan in wanted for point in points_of(plan.sweep)]
             print_table(f"Runs of level {level.value}", ["case", "particle_spacing", "choice"], rows, width=160)
             return
-        if problems := device_problems(device):
+        if problems := [*device_problems(device), *wall_time_problems(wall_time)]:
             raise CaseError(problems)
         others = read_peers(peers)
         quieten_warp(debug)
         found = run_benchmark(
             folder, names or (), level=level.value, device=device, threads=threads, processes=processes, retry=retry,
-            plans=plans, peers=others, draw=draw, command=f"python -m warpsph {shlex.join(sys.argv[1:])}",
-            finished=_told,
+            wall_time=None if wall_time is None else seconds_of(wall_time), plans=plans, peers=others, draw=draw,
+            command=f"python -m warpsph {shlex.join(sys.argv[1:])}", finished=_told,
         )  # fmt: skip
         print_fronts(found)
         for row in found.failed:

@@ -85,6 +85,7 @@ def benchmark(
     threads: int | None = 1,
     processes: int = 1,
     retry: bool = False,
+    wall_time: float | None = None,
     plans: Path | None = None,
     peers: Sequence[Mapping[str, Any]] = (),
     draw: bool = True,
@@ -101,6 +102,8 @@ def benchmark(
         threads: CPU threads of a run.
         processes: runs at the same time on this machine, which their seconds suffer from; above 1 a local cluster of Dask.
         retry: make runs again that failed before.
+        wall_time: s that a run may take, with what sets it up (default: what the plan says); one that takes longer is a row
+            with the status `too slow`.
         plans: folder of plans (default: those of the checkout).
         peers: rows of other codes for the pictures.
         draw: draw the pictures.
@@ -120,8 +123,9 @@ def benchmark(
     folder = Path(output)
     result = Benchmark(_about(command, level, device, threads, processes))
     for plan in wanted:
+        limited = plan.sweep if wall_time is None else plan.sweep.model_copy(update={"wall_time": wall_time})
         table = sweep(
-            plan.sweep, folder / plan.name, device=device, threads=threads, processes=processes, retry=retry, draw=False,
+            limited, folder / plan.name, device=device, threads=threads, processes=processes, retry=retry, draw=False,
             finished=None if finished is None else finished(plan.name),
         )  # fmt: skip
         result.cases[plan.name] = {
