@@ -17,7 +17,7 @@ from warpsph.errors import CaseError
 from warpsph.simulation import Simulation
 from warpsph.study import sweep as sweeps
 from warpsph.study.benchmark import benchmark, read_benchmark
-from warpsph.study.benchmark_advice import advise, features, identity, length, nearest
+from warpsph.study.benchmark_advice import advise, features, identity, length, nearest, stored_fronts
 from warpsph.study.benchmark_pictures import comparable, draw_case
 from warpsph.study.benchmark_plan import LEVELS, find_plans, load_plan, planned
 from warpsph.study.fronts import beats, distances, front, most_accurate, quickest, quickest_for_sure, seconds_of, sure
@@ -197,6 +197,13 @@ def test_a_run_that_fails_is_a_row(here):
     assert front(found.rows) == [good]
 
 
+def test_a_run_that_takes_too_long_is_a_row_and_may_be_given_more_time(here):
+    slow = benchmark("out", level="full", wall_time=1e-6, plans=here / "plans", draw=False)
+    assert [entry["status"] for entry in slow.rows] == ["too slow", "failed"]
+    more = benchmark("out", level="full", retry=True, plans=here / "plans", draw=False)
+    assert more.rows[0]["status"] == "finished"
+
+
 def test_the_plans_of_a_command_can_be_looked_at(here, capsys):
     with pytest.raises(SystemExit) as stop:
         cli.app(["benchmark", "--plans", "plans", "--dry-run", "--level", "full"])
@@ -330,3 +337,26 @@ def test_wrong_errors_are_refused(text, capsys):
     message = capsys.readouterr().err
     assert stop.value.code == 2
     assert "--for-error" in message and "needs an error above 0 and below 100 %" in message and "write e.g. 1%" in message
+
+
+# ---- what is stored --------------------------------------------------------------------------------------
+
+
+def test_every_case_on_record_has_its_picture_on_the_page():
+    page = (ROOT / "docs" / "benchmark.md").read_text(encoding="utf-8")
+    for name in read_benchmark(ROOT / "benchmarks" / "front_cpu.json").cases:
+        picture = f"benchmark/{name}.png"
+        assert f"]({picture})" in page, name
+        assert 5_000 < (ROOT / "docs" / picture).stat().st_size < 100_000, name
+
+
+def test_the_table_of_the_package_gives_advice_for_each_of_its_cases():
+    known = stored_fronts()
+    assert set(known["cases"]) == set(find_plans())
+    for name, path in find_plans().items():
+        case = load_case((path.parent / load_plan(path).case).resolve())
+        own = [entry for entry in known["rows"] if entry["case"] == name and entry["device"] == "cpu"]
+        worst = max(entry["error"] for entry in own)
+        found = advise(case, worst, known)
+        assert (found.case, found.exact) == (name, True)
+        assert found.row == min(own, key=lambda entry: (entry["seconds"], entry["error"])), "none is worse than the worst"
