@@ -15,6 +15,8 @@ A table stands between two marks, each a line of its own, anywhere in README.md 
     validation_h200                    every row of the records of the H200, with its value and reference
     commands_h200                      the commands of these records
     speed_cpu, speed_h200              million particle-steps a second
+    benchmark_NAME_DEVICE              fronts, defaults, targets, failures, others of the benchmark on cpu, h200
+    benchmark_commands                 the commands of these records
     constants                          constants that are not derived, and what half and double of each changes
 
 What stands between the marks is made from the records alone: no row is chosen by hand, and a limit that is missed is said
@@ -44,6 +46,7 @@ from warpsph.study.reference_files import known_curve
 from warpsph.study.validation import find_cases, runs_of
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))  # not there where Python runs with -P, or a test loads this file
+import benchmark_tables  # noqa: E402
 import sensitivity_table  # noqa: E402
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -208,7 +211,7 @@ def newest_rows() -> list[Row]:
     found: dict[tuple[str, str, str], list[Row]] = {}
     for path in sorted(files):
         record = json.loads(path.read_text(encoding="utf-8"))
-        if "level" not in record or record["level"] not in LEVELS or "rows" not in record:
+        if "level" not in record or record["level"] not in LEVELS or "rows" not in record or "cases" in record:
             continue
         own: dict[tuple[str, str, str], list[Row]] = {}
         for row in rows_of(path):
@@ -392,6 +395,11 @@ def speed_h200() -> str:
     return table(head, "lrrrrr", lines)
 
 
+def cells_or_none(head: Iterable[str], align: str, rows: list[list[str]]) -> str:
+    """A table, or the word none where it has no rows."""
+    return table(head, align, rows) if rows else "None.\n"
+
+
 TABLES: dict[str, Callable[[], str]] = {
     "two_phase": lambda: by_resolution(lambda row: phases_in(row.case) > 1),
     "projection": lambda: by_resolution(lambda row: phases_in(row.case) == 1 and scheme_of(row) == "isph"),
@@ -404,6 +412,8 @@ TABLES: dict[str, Callable[[], str]] = {
     "commands_h200": commands_h200,
     "speed_cpu": speed_cpu,
     "speed_h200": speed_h200,
+    "benchmark_commands": benchmark_tables.commands,
+    **{name: lambda make=make: cells_or_none(*make()) for name, make in benchmark_tables.tables().items()},
     "constants": lambda: table(*sensitivity_table.constants(BENCHMARKS / "sensitivity.json")),
 }
 
@@ -440,6 +450,11 @@ def main(arguments: list[str] | None = None) -> int:
             differ.append(str(path.relative_to(ROOT)))
             if not chosen.check:
                 path.write_text(new, encoding="utf-8")
+        shipped = benchmark_tables.shipped()
+        if shipped != benchmark_tables.FILE.read_text(encoding="utf-8"):
+            differ.append("warpsph/fronts.json")
+            if not chosen.check:
+                benchmark_tables.FILE.write_text(shipped, encoding="utf-8")
     except (ValueError, CaseError) as error:
         print(error, file=sys.stderr)
         return 2

@@ -151,6 +151,48 @@ def test_the_table_is_read_back():
     assert list(frame["status"]) == [text.decode() for text in other["status"]] == ["finished", "failed"]
 
 
+# ---- variants, warm-up ------------------------------------------------------------------------------------
+
+
+def test_each_variant_is_run_at_every_point_after_the_settings():
+    variants = {"default": {}, "dense": {"phases.water.density": 3, "end_time": 0.006}}
+    table = sweep(study(variants=variants, settings={"phases.water.density": 2}), "out")
+    told = [(row["variant"], row["end_time"], row["time"]) for row in table.rows]
+    assert told == [("default", 0.004, 0.004), ("default", 0.008, 0.008), ("dense", 0.004, 0.006), ("dense", 0.008, 0.006)]
+    # kinetic energy is that of the density: 3 over 2
+    assert table.rows[2]["mean"] / table.rows[0]["mean"] == pytest.approx(1.5, rel=0.05)
+    assert table.columns[:3] == ["run", "end_time", "variant"] and list(table.column("variant")[:1]) == ["default"]
+    with pytest.raises(CaseError, match="begun with"):
+        sweep(study(variants=variants | {"dense": {}}, settings={"phases.water.density": 2}), "out")
+
+
+def test_a_parameter_called_variant_beside_variants_is_refused():
+    with pytest.raises(CaseError, match="two columns with the name variant"):
+        load_sweep(study(parameters={"variant": [1]}, variants={"default": {}}))
+
+
+def test_a_structure_is_warmed_up_once_in_a_process(monkeypatch):
+    monkeypatch.setattr(sweeps, "_warm", set())
+    ends = []
+    before = Simulation.run
+
+    def run(self, *arguments):
+        ends.append(self.case.end_time)
+        return before(self, *arguments)
+
+    monkeypatch.setattr(Simulation, "run", run)
+    table = sweep(study(warm_up=True, variants={"default": {}, "c4": {"numerics.kernel": "wendland_c4"}}), "out")
+    short = sweeps.WARM_UP * 0.004
+    assert ends == [short, 0.004, 0.008, short, 0.004, 0.008]
+    assert [row["time"] for row in table.rows] == [0.004, 0.008] * 2
+
+
+def test_a_row_has_the_memory_and_the_time_of_the_processor():
+    for row in sweep(study(), "out", threads=1).rows:
+        assert row["memory_bytes"] > 64 * 4 * 6, "at least position, velocity, density and mass of 64 particles"
+        assert 0 < row["cpu_seconds"] < 60
+
+
 # ---- stops and failures ----------------------------------------------------------------------------------
 
 

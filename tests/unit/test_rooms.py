@@ -34,7 +34,7 @@ ROOMS = {
     "running": ("warpsph.running",),
     "study": ("warpsph.study",),
     "simulation": ("warpsph.simulation",),
-    "validation": ("warpsph.study.validation", "warpsph.study.baseline", "warpsph.study.sweep"),
+    "validation": ("warpsph.study.validation", "warpsph.study.baseline", "warpsph.study.sweep", "warpsph.study.benchmark"),
     "command line": ("warpsph.cli", "warpsph.__main__"),
 }
 ORDER = list(ROOMS)

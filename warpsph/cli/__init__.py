@@ -4,12 +4,13 @@ Each command loads the case, hands it to the module that does the work and print
 typer everything is imported inside the commands: `--help` answers at once, a command pays for what it uses.
 
 Exit codes: 0 done, 1 unexpected error, 2 bad input, 3 diverged, 4 cannot write, 5 the scene does not fit the memory,
-or a list cannot grow, 6 validate: a reference was missed or a run failed; sweep: a run failed, 7 the wall time is over,
-130 interrupted.
+or a list cannot grow, 6 validate: a reference was missed or a run failed; sweep, benchmark: a run failed, 7 the wall time
+is over, 130 interrupted.
 """
 
 import typer
 
+from warpsph.cli.benchmark_command import benchmark
 from warpsph.cli.case_commands import check, new, schema, show
 from warpsph.cli.ftle_command import ftle
 from warpsph.cli.info_command import info
@@ -29,7 +30,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 # In the order of `--help`.
-for command in (run, check, show, new, schema, plot, ftle, validate, sweep, info):
+for command in (run, check, show, new, schema, plot, ftle, validate, sweep, benchmark, info):
     app.command()(command)
 
 

@@ -79,6 +79,21 @@ def seconds_of(text: str) -> float | None:
     return seconds if 0 < seconds < math.inf else None
 
 
+def error_of(text: str) -> float:
+    """The relative error that `1%` or `0.01` means. Raises CaseError unless it is above 0 and below 100 %."""
+    from warpsph.errors import CaseError
+
+    bare = text.strip().removesuffix("%")
+    try:
+        error = float(bare) / (100.0 if bare != text.strip() else 1.0)
+    except ValueError:
+        error = math.nan
+    if not 0.0 < error < 1.0:
+        rule, remedy = "needs an error above 0 and below 100 %", "write e.g. 1% or 0.01"
+        raise CaseError([problem("--for-error", text, rule, remedy)])
+    return error
+
+
 def wall_time_problems(wall_time: str | None) -> list[Problem]:
     if wall_time is None or seconds_of(wall_time) is not None:
         return []

@@ -8,10 +8,10 @@ from typing import Annotated
 
 import typer
 
-from warpsph.cli.arguments import load
+from warpsph.cli.arguments import error_of, load
 from warpsph.cli.options import CaseFile, Debug, EndTime, Overrides, PrecisionOption
 from warpsph.cli.reporting import refuse, reported
-from warpsph.cli.views import print_estimate, print_plan
+from warpsph.cli.views import print_advice, print_estimate, print_plan
 
 
 def check(
@@ -19,16 +19,23 @@ def check(
     precision: PrecisionOption = None,
     overrides: Overrides = None,
     end_time: EndTime = None,
+    for_error: Annotated[
+        str | None,
+        typer.Option(metavar="ERROR", help="Suggest settings for an error such as 1%, from the stored benchmark."),
+    ] = None,
     debug: Debug = False,
 ) -> None:
     """Validate a case; print particle counts, memory, time step and estimated time."""
     with reported(debug):
         from warpsph.study.validation import runs_of
 
+        error = None if for_error is None else error_of(for_error)
         loaded = load(case, overrides, precision, end_time)
         if not overrides:  # the runs of a validation are changes of the file, not of what --set makes of it
             runs_of(loaded, case.stem)  # raises if one is wrong
         print_estimate(loaded)
+        if error is not None:
+            print_advice(loaded, error)
 
 
 def show(

@@ -34,6 +34,44 @@ def print_estimate(case: Case) -> None:
         raise found["refused"]
 
 
+def print_advice(case: Case, error: float) -> None:
+    """Print what to take for an error, by the stored benchmarks."""
+    from warpsph.study.benchmark_advice import advise, stored_fronts
+
+    table = stored_fronts()
+    if not table["cases"]:
+        say("no benchmark is stored in this version: nothing to suggest")
+        return
+    found = advise(case, error, table)
+    origin = f"the benchmark {found.case} ({found.says}), {found.error_name}"
+    print(f"for an error of {100 * error:g} %, from {origin}")
+    if not found.exact:
+        print(f"the nearest there is; other than there: {', '.join(found.differences) or 'shape and numbers alone'}")
+    for text in found.refused:
+        say(f"not for this case: {text}")
+    if found.row is None:
+        best = found.best
+        told = "it has no runs" if best is None else (
+            f"the best was {100 * best['error']:.2g} % with {best['choice']} at {best['particle_spacing']:.4g} m "
+            f"in {duration(best['seconds'])}")  # fmt: skip
+        print(f"no run that this case allows had this error: {told}")
+        return
+    if found.condition is not None:
+        say(f"with these settings: {found.condition}")
+    row = found.row
+    rows = [(key, format_cell(value) if value != {} else "as by default") for key, value in found.changes.items()]
+    rows.append(("spacings over the length", f"{found.across:.3g}"))
+    if not found.exact and found.seconds is not None:
+        rows += [("particles", format_cell(found.particles)), ("steps", format_cell(found.steps))]
+        rows.append(("expected time", f"about {duration(found.seconds)}"))
+    source = next(entry for entry in table["sources"] if entry["device"] == row["device"])
+    counts = f"{row['particles']} particles, {row['steps']} steps"
+    measured = f"{100 * row['error']:.2g} % in {duration(row['seconds'])}, {counts}"
+    rows.append((f"measured: {row['choice']}", measured))
+    rows.append(("on", f"{source['device_name']}, {source['threads']} thread(s), {source['date']}"))
+    print_table("Settings", ["", ""], rows)
+
+
 def print_plan(case: Case) -> None:
     quieten_warp(False)
     from warpsph.case.case_file import dump_yaml

@@ -87,6 +87,15 @@ def machine() -> dict[str, Any]:
     }
 
 
+def device_name(device: str) -> str:
+    """Return the name of a device in words; of the CPU that of the processor."""
+    if device == "cpu":
+        return _processor()
+    import warp
+
+    return str(warp.get_device(device).name)
+
+
 def _processor() -> str:
     """Return the name of the processor."""
     with suppress(OSError):

@@ -10,6 +10,9 @@
     measure:
       D: {gauge: drop, column: deformation drop, reduce: mean, window: [2, 3]}
       error: {reference: deformation}
+    variants:                                  # each at every point
+      default: {}
+      wide: {numerics.smoothing_ratio: 2.5}
 """
 
 from __future__ import annotations
@@ -46,7 +49,12 @@ from warpsph.errors import CaseError, Problem
 PLACEHOLDER = re.compile(r"\{([^{}]+)\}")
 """A parameter in the text of a setting, `{Ca}`."""
 
-ALWAYS = ("run", "status", "problem", "seconds", "setup_seconds", "steps", "particles", "time")
+VARIANT = "variant"
+"""Column of the name of a variant."""
+
+ALWAYS = (
+    "run", "status", "problem", "seconds", "setup_seconds", "cpu_seconds", "steps", "particles", "memory_bytes", "time",
+)  # fmt: skip
 """Columns that every table of a sweep has, besides those of the parameters and measurements."""
 
 
@@ -129,7 +137,7 @@ class Measurement(CaseModel):
         return self
 
 
-def _as_settings(value: Any) -> Any:
+def as_settings(value: Any) -> Any:
     """Settings with dotted keys."""
     for key in as_mapping(value):
         if not isinstance(key, str) or not all(key.split(".")):
@@ -156,18 +164,35 @@ class Sweep(CaseModel):
         default=0, description="the same seed gives the same samples", examples=["0"]
     )
     parameters: Annotated[
-        Mapping[str, _Parameter], FreezeMapping(), BeforeValidator(_as_settings), Field(min_length=1)
+        Mapping[str, _Parameter], FreezeMapping(), BeforeValidator(as_settings), Field(min_length=1)
     ] = Field(description="dotted key of the case, or a name that settings use -> values", examples=["{end_time: [1, 2]}"])
-    settings: Annotated[Mapping[str, Any], FreezeMapping(), BeforeValidator(_as_settings)] = Field(
+    settings: Annotated[Mapping[str, Any], FreezeMapping(), BeforeValidator(as_settings)] = Field(
         default_factory=FrozenDict,
         description="dotted key of the case -> value of all runs, with {name} for the value of a parameter",
         examples=["{end_time: '10*{period}'}"],
+    )
+    variants: Annotated[
+        Mapping[str, Annotated[Mapping[str, Any], FreezeMapping(), BeforeValidator(as_settings)]], FreezeMapping()
+    ] = Field(
+        default_factory=FrozenDict,
+        description="name -> dotted keys of the case and their values; each is run at every point, after `settings`",
+        examples=["{default: {}, quintic: {numerics.kernel: quintic}}"],
     )
     measure: Annotated[Mapping[Name, Measurement], FreezeMapping()] = Field(
         default_factory=FrozenDict, description="name of a column -> what it holds", examples=["{error: {reference: decay}}"]
     )
     wall_time: PositiveNumber | None = Field(
         default=None, description="s that a run may take, with what sets it up; else it failed", examples=["3600"]
+    )
+    warm_up: bool = Field(
+        default=False,
+        description="make a few steps first where kernels are new to the process, so that `seconds` hold no compilation",
+        examples=["true"],
+    )
+    repeats: Annotated[int, NumberRule(least=1, integer=True)] = Field(
+        default=1,
+        description="times that a run shorter than 1 s is made; seconds and cpu_seconds are the least of all",
+        examples=["3"],
     )
     keep_runs: bool = Field(default=False, description="keep a run folder of each run", examples=["true"])
 
@@ -189,11 +214,17 @@ class Sweep(CaseModel):
         for name in self.used:
             if name not in self.parameters:
                 raise bad_value(f"uses {{{name}}} in settings, which is no parameter", suggestion(name, self.parameters))
-        columns = [*ALWAYS, *self.parameters, *self.measure]
-        double = [name for name in self.measure if columns.count(name) > 1]
+        columns = [*ALWAYS, *self.varied, *self.measure]
+        double = [name for name in (*self.measure, *self.varied) if columns.count(name) > 1]
         if double:
-            raise bad_value(f"has two columns with the name {double[0]}", "call the measurement otherwise")
+            kind = "measurement" if double[0] in self.measure else "parameter"
+            raise bad_value(f"has two columns with the name {double[0]}", f"call the {kind} otherwise")
         return self
+
+    @property
+    def varied(self) -> list[str]:
+        """Names of the columns that tell runs apart: the parameters, and `variant` where there are variants."""
+        return [*self.parameters, *([VARIANT] if self.variants else [])]
 
     @property
     def used(self) -> list[str]:
@@ -203,12 +234,12 @@ class Sweep(CaseModel):
 
     def changes(self, point: Mapping[str, Any]) -> dict[str, Any]:
         """Dotted keys of the case and their values at a point of the parameters; numbers stand in brackets in a text."""
-        result = {name: value for name, value in point.items() if name not in self.used}
+        result = {name: value for name, value in point.items() if name in self.parameters and name not in self.used}
         for key, value in self.settings.items():
             if isinstance(value, str):
                 value = PLACEHOLDER.sub(lambda found: _bracketed(point[found.group(1)]), value)
             result[key] = value
-        return result
+        return result | (dict(self.variants[point[VARIANT]]) if self.variants else {})
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data as in a file, without what was left out."""

@@ -9,15 +9,22 @@ from typing import Any
 
 import numpy as np
 
-from warpsph.study.sweep_file import Parameter, Sweep
+from warpsph.study.sweep_file import VARIANT, Parameter, Sweep
 
 
 def points_of(sweep: Sweep) -> list[dict[str, Any]]:
     """The points of a sweep in the order of their runs, each the value of every parameter by its name.
 
+    Where there are variants, all points of the first come first, with its name as `variant`.
     A grid turns the last parameter fastest. Samples are those of `scipy.stats.qmc`, scrambled by `seed`: the same
     seed gives the same points, and more samples of a Sobol sequence begin with those of fewer.
     """
+    points = _plain_points(sweep)
+    return [point | {VARIANT: name} for name in sweep.variants for point in points] if sweep.variants else points
+
+
+def _plain_points(sweep: Sweep) -> list[dict[str, Any]]:
+    """The points of the parameters alone."""
     names = list(sweep.parameters)
     if sweep.samples is None:
         columns = [_values(parameter) for parameter in sweep.parameters.values()]

@@ -21,8 +21,10 @@ class SweepTable:
 
     parameters, measures: names of columns
     rows: one dict a run that is done, in the order of the points: `run` (its number from 0), each parameter and measure,
-        `status` (finished, diverged, failed), `problem` (why not finished, or what could not be measured), `seconds`,
-        `setup_seconds`, `steps`, `particles`, `time` (s that the run reached). None where there is no number
+        `variant` where there are any, `status` (finished, diverged, too slow, failed), `problem` (why not finished, or
+        what could not be measured), `seconds` (without set-up), `setup_seconds`, `cpu_seconds` (of all threads, without
+        set-up), `steps`, `particles`, `memory_bytes` (of the arrays of particles and lists on the device), `time` (s that
+        the run reached). None where there is no number
     points: how many runs the sweep has
     interrupted: whether the user stopped before the last run
     """
