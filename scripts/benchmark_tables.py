@@ -23,6 +23,7 @@ from warpsph.study.benchmark_advice import FILE, features, identity, length
 from warpsph.study.benchmark_pictures import comparable
 from warpsph.study.benchmark_plan import LEVELS, Planned, find_plans, planned
 from warpsph.study.fronts import (
+    NOISE,
     TARGETS,
     Row,
     by_case,
@@ -37,9 +38,6 @@ from warpsph.study.fronts import (
 ROOT = Path(__file__).resolve().parents[1]
 DEVICES = ("cpu", "h200")
 """Records are front_NAME.json; the pictures are those of the first."""
-
-NOISE = 1.1
-"""Seconds of equal runs differ by this factor."""
 
 KEPT = ("case", "choice", "particle_spacing", "precision", "device", "threads", "seconds", "steps", "particles", "error")
 """What the shipped table holds of a run."""

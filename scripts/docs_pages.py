@@ -216,8 +216,8 @@ def measured(folder: Path) -> dict[str, list[dict[str, Any]]]:
     paths = sorted(folder.rglob("*.json"), key=lambda path: (path.parent == folder, path.as_posix()))
     for path in paths:
         record = json.loads(path.read_text(encoding="utf-8"))
-        if not isinstance(record, Mapping) or not {"level", "command", "rows"} <= record.keys():
-            continue
+        if not isinstance(record, Mapping) or not {"level", "command", "rows"} <= record.keys() or "cases" in record:
+            continue  # those with cases are of `benchmark`
         for row in record["rows"]:
             key = (row["case"], row["run"], row.get("precision", "float32"))
             run = found.setdefault(
