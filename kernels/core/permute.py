@@ -22,7 +22,7 @@ class Column:
 
     Attributes:
         field, sorted: addresses of its array, and of the copy in the new order.
-        size: bytes of an element, 1 or a multiple of 4.
+        size: bytes of an element, 1, 2 or a multiple of 4.
         base: first row of its particles among all particles: 0, or the room for fluid where the field is one of walls.
         rows: elements.
     """
@@ -35,10 +35,16 @@ class Column:
 
 
 def column(array: Any, place: int, base: int) -> Any:
-    """Return the row of the table for an array of a field, whose sorted copy is at the address `place`."""
+    """Return the row of the table for an array of a field, whose sorted copy is at the address `place`.
+
+    Raises:
+        ValueError: elements of a size that the kernel does not move.
+    """
     row = Column()
     row.field, row.sorted = array.ptr, place
     row.size = wp.types.type_size_in_bytes(array.dtype)
+    if row.size not in (1, 2) and row.size % 4:
+        raise ValueError(f"elements of {row.size} bytes, {array.dtype}, are not sorted: needs 1, 2 or a multiple of 4")
     row.base, row.rows = base, array.shape[0]
     return row
 
@@ -93,7 +99,8 @@ def make_move_words(gathers: bool) -> Any:
 def make_permute(gathers: bool) -> Any:
     """Return the kernel over runs of `run` particles that sorts all columns (`gathers`) or puts the sorted copies back."""
     words = [wp.types.vector(length=length, dtype=int) for length in (2, 3, 4)]
-    move1, move4, move8, move12, move16 = (make_move(dtype, gathers) for dtype in (wp.uint8, int, *words))
+    types = (wp.uint8, wp.int16, int, *words)
+    move1, move2, move4, move8, move12, move16 = (make_move(dtype, gathers) for dtype in types)
     move_words = make_move_words(gathers)
 
     @wp.kernel(module="unique", enable_backward=False)
@@ -108,6 +115,8 @@ def make_permute(gathers: bool) -> Any:
                 move8(column, begin, end, sort_order)
             elif column.size == 1:
                 move1(column, begin, end, sort_order)
+            elif column.size == 2:
+                move2(column, begin, end, sort_order)
             elif column.size == 12:
                 move12(column, begin, end, sort_order)
             elif column.size == 16:

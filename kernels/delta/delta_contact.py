@@ -20,17 +20,22 @@ class Contact(NamedTuple):
     Attributes:
         braked: braked(a, v, gap, speed, normal, spacing, rate, dt), an acceleration with the contact of all surfaces.
         held: held(dx, gap, normal, spacing), a shift that does not go into surfaces that are touched.
+        ahead: ahead(gap, foot2, body2, spacing), the gaps of surfaces with feet at the distances sqrt(foot2), a spacing for
+            those that are neither ahead nor the nearest of all, nor of bodies alone, at sqrt(body2): beside a convex edge
+            the plane of its other face is none that the particle is about to touch.
     """
 
     braked: Any
     held: Any
+    ahead: Any
 
 
 @functools.cache
 def make_contact_of(spec: Spec) -> Contact:
     """Return the `wp.func`s of contact.
 
-    A particle may touch as many surfaces at once as there are axes: the floor, and the body that it runs into.
+    A particle may touch as many surfaces at once as there are axes: the floor, whose foot may stay the nearest, and the
+    body that it runs into.
 
     Arguments of the functions:
         a: acceleration [m/s^2]; v: velocity [m/s]; dx: a shift [m]; dt: time step [s]
@@ -63,4 +68,17 @@ def make_contact_of(spec: Spec) -> Contact:
             result -= (touch_of(gap[axis], spacing) * wp.min(wp.dot(result, n_w), real(0.0))) * n_w
         return result
 
-    return Contact(braked, held)
+    @wp.func
+    def ahead(gap: vec, foot2: vec, body2: real, spacing: real):
+        result = gap
+        nearest2 = wp.min(foot2)
+        for axis in range(wp.static(spec.dimension)):
+            across2 = foot2[axis] - gap[axis] * gap[axis]  # of the way to the foot, along the surface
+            # farther than half a cell along each of its axes
+            beside = across2 > real(wp.static(0.25 * (spec.dimension - 1))) * spacing * spacing
+            first = foot2[axis] == nearest2 or foot2[axis] == body2
+            if not first and (beside or gap[axis] < real(-TOUCH) * spacing):
+                result[axis] = spacing
+        return result
+
+    return Contact(braked, held, ahead)

@@ -44,7 +44,7 @@ def make_delta_momentum(spec: Spec, measuring: bool = True) -> Any:
     forms = (spec.viscosity if viscous else "radial", "radial")
     viscous_term, artificial_term = (make_viscosity(form, spec.dimension, spec.precision) for form in forms)
     limit_shift, crowding = make_limit_shift(spec), make_crowding(spec.precision)
-    braked, held = make_contact_of(spec)
+    braked, held, ahead = make_contact_of(spec)
     diffuses, shifts = spec.density_diffusion and measuring, spec.shifting and measuring
     measured = diffuses or (spec.free_surface and measuring)  # the moment is needed
 
@@ -113,6 +113,7 @@ def make_delta_momentum(spec: Spec, measuring: bool = True) -> Any:
         face_speed = vec()  # speed of that surface along its normal [m/s]
         face_normal = mat()  # in each row its normal, into the fluid
         face_foot2 = vec(params.spacing * params.spacing)  # bodies: square of the distance to the foot on it [m^2]
+        body2 = real(4.0) * params.h * params.h  # the same to the nearest foot that is no side of the domain
         half_cell = vec(real(0.5) * params.spacing)
         k = list_begin(i, list_width)
         step = list_step(particle_count)
@@ -166,15 +167,15 @@ def make_delta_momentum(spec: Spec, measuring: bool = True) -> Any:
                             face_normal[axis, axis] = wp.sign(d[axis])
                             face_speed[axis] = velocity[j][axis] * wp.sign(d[axis])
                 else:
-                    # the plane at the nearest foot, one for each axis that a normal may lie nearest to: in a corner the
-                    # foot on the floor may stay nearer than that on the body which the particle runs into
+                    # the plane at the nearest foot, one for each axis that a normal may lie nearest to (a corner has two);
+                    # an edge of the domain is no plane: its cells are behind two sides at once
                     w = j - fluid_count
                     n_w = wall_normal[w]
                     clear = wp.dot(d, n_w) - wall_depth[w]
                     foot2 = r2 - wall_depth[w] * (real(2.0) * clear + wall_depth[w])
                     steep = wp.max(wp.abs(n_w))
-                    # an edge of the domain is no plane: its cells are behind two sides at once
                     plane = wall_body[w] > side_walls or steep > real(0.99)
+                    body2 = wp.where(wall_body[w] > side_walls, wp.min(body2, foot2), body2)
                     for axis in range(wp.static(spec.dimension)):
                         if plane and wp.abs(n_w[axis]) == steep and foot2 < face_foot2[axis]:
                             face_foot2[axis] = foot2
@@ -205,6 +206,7 @@ def make_delta_momentum(spec: Spec, measuring: bool = True) -> Any:
         a += driving_force(xi, params, forcing)
         if wp.static(spec.walls):
             stiff = real(2.0) * own.sound_speed * wp.length(into_wall) * g_norm
+            face_gap = ahead(face_gap, face_foot2, body2, params.spacing)
             a = braked(a, vi, face_gap, face_speed, face_normal, params.spacing, stiff, real(clock[STEP]))
         acceleration[i] = a
         if wp.dot(a, a) > maxima[slot * MAXIMA + 1]:

@@ -7,7 +7,7 @@ import warp as wp
 from warpsph.kernels.core import permute
 
 FLUID, WALLS = 137, 11
-TYPES = [wp.uint8, wp.int8, wp.float32, wp.int32, wp.vec2, wp.float64, wp.vec3, wp.vec2d, wp.vec3d, wp.mat33d]
+TYPES = [wp.uint8, wp.int8, wp.int16, wp.float32, wp.int32, wp.vec2, wp.float64, wp.vec3, wp.vec2d, wp.vec3d, wp.mat33d]
 
 
 def moved(arrays, bases, order, run):
@@ -37,6 +37,12 @@ def test_elements_of_every_size_follow_the_order(run):
     moved(arrays, bases, order, run)
     for array, values in zip(arrays, expected, strict=True):
         np.testing.assert_array_equal(array.numpy(), values)
+
+
+def test_elements_that_would_not_be_moved_are_refused():
+    array = wp.zeros(3, dtype=wp.types.vector(length=3, dtype=wp.int16), device="cpu")
+    with pytest.raises(ValueError, match="elements of 6 bytes"):
+        permute.column(array, 0, 0)
 
 
 def test_rounds_take_all_fields_in_turn_and_no_more_than_fits():
