@@ -167,8 +167,7 @@ def make_delta_momentum(spec: Spec, measuring: bool = True) -> Any:
                             face_normal[axis, axis] = wp.sign(d[axis])
                             face_speed[axis] = velocity[j][axis] * wp.sign(d[axis])
                 else:
-                    # the plane at the nearest foot, one for each axis that a normal may lie nearest to (a corner has two);
-                    # an edge of the domain is no plane: its cells are behind two sides at once
+                    # the plane at the nearest foot for each axis that a normal may lie nearest to; edges of the domain are none
                     w = j - fluid_count
                     n_w = wall_normal[w]
                     clear = wp.dot(d, n_w) - wall_depth[w]
