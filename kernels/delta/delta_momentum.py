@@ -167,7 +167,7 @@ def make_delta_momentum(spec: Spec, measuring: bool = True) -> Any:
                             face_normal[axis, axis] = wp.sign(d[axis])
                             face_speed[axis] = velocity[j][axis] * wp.sign(d[axis])
                 else:
-                    # the plane at the nearest foot for each axis that a normal may lie nearest to; edges of the domain are none
+                    # for each axis a normal may lie nearest to, the plane at the nearest foot; edges of the domain are none
                     w = j - fluid_count
                     n_w = wall_normal[w]
                     clear = wp.dot(d, n_w) - wall_depth[w]
