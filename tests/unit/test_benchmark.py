@@ -169,6 +169,7 @@ def test_a_small_benchmark_and_going_on(here, monkeypatch, capsys):
     peers = {"rows": [row(0.01, 0.5, error_name="start", peer="SomeSPH", particles=64, version="1", command="run")]}
     Path("peers.json").write_text(json.dumps(peers), encoding="utf-8")
     call = ["benchmark", "scene", "--plans", "plans", "--output", "out", "--json", "front.json", "--peers", "peers.json"]
+    monkeypatch.setattr("sys.argv", ["warpsph", *call])  # the command that is kept
     with pytest.raises(SystemExit) as stop:
         cli.app(call)
     assert stop.value.code == 0 and made == [0, 1, 2, 3]

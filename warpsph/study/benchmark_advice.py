@@ -42,7 +42,7 @@ def features(case: Case) -> dict[str, Any]:
     densities = [phase.density for phase in case.phases.values()]
     axes = [getattr(case.domain.boundary, axis) for axis in AXES[: case.dimension]]
     sides = [side for axis in axes for side in (axis.lower, axis.upper)]
-    gas = str(case.numerics.scheme) == "gas"
+    gas = case.scheme.internal_energy
     many = len(case.phases) > 1
     return {
         "kind": "compressible gas" if gas else "two phases" if many else "one phase",
