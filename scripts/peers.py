@@ -30,6 +30,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parent))  # when imported instead of run
 import peer_errors  # noqa: E402
 
+from warpsph.files.whole_files import write_text  # noqa: E402
 from warpsph.running.summary import machine  # noqa: E402
 from warpsph.study.provenance import provenance  # noqa: E402
 
@@ -100,13 +101,13 @@ PEERS = (
 
 
 def measured(python: Path, peer: Peer, folder: Path) -> dict[str, object]:
-    """Run a peer twice, the first time for a few steps, and return its row. Raises CalledProcessError where it fails."""
+    """Run a peer, before that twice for a few steps, and return its row. Raises CalledProcessError where it fails."""
     line = [str(python.parent / "pysph"), "run", peer.example, *shlex.split(peer.arguments)]
     short = [*line, "--max-steps", "2", "-d", str(folder / "first")]
     timed(short)  # compiles
-    _, start_wall, start_cpu = timed(short)
+    start_wall, start_cpu = timed(short)
     timed_folder = folder / "whole"
-    _, wall, cpu = timed([*line, "--pfreq", "1000000", "-d", str(timed_folder)])
+    wall, cpu = timed([*line, "--pfreq", "1000000", "-d", str(timed_folder)])
     arrays = folder / "last.npz"
     subprocess.run([str(python), "-c", READ, str(timed_folder), str(arrays)], check=True, capture_output=True)
     last = dict(np.load(arrays))
@@ -126,12 +127,12 @@ def measured(python: Path, peer: Peer, folder: Path) -> dict[str, object]:
     }
 
 
-def timed(line: list[str]) -> tuple[str, float, float]:
-    """Run a command on one thread; return what it prints, its seconds by the clock and of the processor."""
+def timed(line: list[str]) -> tuple[float, float]:
+    """Run a command on one thread; return its seconds by the clock and of the processor."""
     before, begin = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
-    done = subprocess.run(line, check=True, capture_output=True, text=True, env={**os.environ, "OMP_NUM_THREADS": "1"})
+    subprocess.run(line, check=True, capture_output=True, text=True, env={**os.environ, "OMP_NUM_THREADS": "1"})
     wall, after = time.perf_counter() - begin, resource.getrusage(resource.RUSAGE_CHILDREN)
-    return done.stdout, wall, after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+    return wall, after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
 
 
 def version(python: Path) -> str:
@@ -146,6 +147,13 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--only", nargs="+", default=[], metavar="CASE", help="cases of the benchmark")
     parser.add_argument("--json", type=Path, help="rows are added to this file, in place of those of the same command")
     chosen = parser.parse_args(arguments)
+    if not (chosen.python.parent / "pysph").exists():
+        parser.error(
+            f"--python {chosen.python}: there is no PySPH beside it; "
+            "make an environment with pip install --pre pysph matplotlib h5py"
+        )
+    if strangers := [name for name in chosen.only if name not in {peer.case for peer in PEERS}]:
+        parser.error(f"--only {strangers[0]}: choose from {', '.join(dict.fromkeys(peer.case for peer in PEERS))}")
     rows, failed = [], 0
     for peer in PEERS:
         if chosen.only and peer.case not in chosen.only:
@@ -164,7 +172,7 @@ def main(arguments: list[str] | None = None) -> int:
             kept = [known for known in old if known["command"] not in {new["command"] for new in rows}]
             command = "python scripts/peers.py --python PEERS/bin/python --json benchmarks/peers.json"
             head = {**provenance(), "command": command}
-            chosen.json.write_text(json.dumps({**head, "rows": kept + rows}, indent=1) + "\n", encoding="utf-8")
+            write_text(chosen.json, json.dumps({**head, "rows": kept + rows}, indent=1) + "\n")
     return 6 if failed else 0
 
 

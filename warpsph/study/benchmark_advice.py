@@ -27,7 +27,7 @@ from warpsph.scene.physics import support_radius
 from warpsph.study.fronts import Row, counts, most_accurate, sure
 
 FILE = Path(__file__).resolve().parents[1] / "fronts.json"
-"""The table that ships with the package; scripts/benchmark_page.py writes it."""
+"""The table that ships with the package; scripts/benchmark_tables.py writes it."""
 
 WEIGHTS = {
     "kind": 100.0, "tension": 50.0, "free surface": 50.0, "walls": 10.0, "moving walls": 5.0, "gravity": 5.0,
