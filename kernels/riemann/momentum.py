@@ -274,9 +274,7 @@ def make_momentum(spec: Spec) -> Any:
             if wp.static(spec.room):
                 room += window(r2, params.inv_window) * state_j[1]
             if wp.static(viscous):
-                viscous_sum += (own.viscosity * f) * viscous_term(
-                    vi - velocity[j], d, r2 + params.tiny, params.inv_h
-                )
+                viscous_sum += (own.viscosity * f) * viscous_term(vi - velocity[j], d, r2 + params.tiny, params.inv_h)
         if wp.static(spec.walls):
             end += int(wall_neighbours[i]) * step
             while k < end:
@@ -365,17 +363,13 @@ def make_momentum(spec: Spec) -> Any:
                     wall_flow += wp.outer(mirror - vi, fd)
                 if wp.static(spec.bodies and viscous):
                     # without friction the velocity mirrored is one that makes no shear stress at the surface
-                    viscous_sum += (own.viscosity * f) * viscous_term(
-                        vi - mirror, d, r2 + params.tiny, params.inv_h
-                    )
+                    viscous_sum += (own.viscosity * f) * viscous_term(vi - mirror, d, r2 + params.tiny, params.inv_h)
                 if wp.static(spec.wall_no_slip and not spec.bodies):
                     if slip[j - fluid_count] == wp.uint8(0):
                         mirror = mirror_velocity[j - fluid_count]
                         if wp.static(spec.shifting):
                             wall_flow += wp.outer(mirror - vi, fd)
-                        viscous_sum += (own.viscosity * f) * viscous_term(
-                            vi - mirror, d, r2 + params.tiny, params.inv_h
-                        )
+                        viscous_sum += (own.viscosity * f) * viscous_term(vi - mirror, d, r2 + params.tiny, params.inv_h)
 
         wall_push = real(0.0)
         if wp.static(spec.walls):

@@ -49,6 +49,7 @@ def plan(**changes):
         "peer_errors": ["start"],
         "choices": {"default": {}, "h 1.3": {"numerics.smoothing_ratio": 1.3}, "broken": {"start.velocity": [1e30, 0]}},
         "quick": {"particle_spacing": ["1/8", "1/10"], "choices": ["default", "h 1.3"]},
+        "fine": {"particle_spacing": ["1/16"], "choices": ["default"]},
         "full": {"particle_spacing": ["1/8"], "choices": ["default", "broken"]},
     } | changes
 

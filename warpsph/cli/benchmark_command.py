@@ -26,12 +26,15 @@ class Effort(StrEnum):
     """How much work a benchmark is."""
 
     quick = "quick"
+    fine = "fine"
     full = "full"
 
 
 def benchmark(
     names: Annotated[list[str] | None, typer.Argument(metavar="[CASE]...", help="Benchmarks (default: all).")] = None,
-    level: Annotated[Effort, typer.Option(help="quick: minutes on one thread; full: hours, or a GPU.")] = Effort.quick,
+    level: Annotated[
+        Effort, typer.Option(help="quick: minutes on one thread; fine: minutes on a GPU; full: every choice, hours.")
+    ] = Effort.quick,
     device: Annotated[str, typer.Option(help="Device to run on: cpu, cuda:0, ...")] = "cpu",
     threads: Annotated[int, typer.Option(min=1, help="CPU threads of a run.")] = 1,
     processes: Annotated[

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 if TYPE_CHECKING:
-
     from warpsph.errors import Problem
 
 
@@ -89,9 +88,7 @@ def _write_traceback(folder: Path | None) -> str:
             path.write_text(text, encoding="utf-8")
             return str(path)
     try:
-        with tempfile.NamedTemporaryFile(
-            "w", prefix="warpsph-", suffix=".txt", delete=False, encoding="utf-8"
-        ) as file:
+        with tempfile.NamedTemporaryFile("w", prefix="warpsph-", suffix=".txt", delete=False, encoding="utf-8") as file:
             file.write(text)
             return file.name
     except OSError:

@@ -8,7 +8,6 @@ from warpsph.cli.reporting import quieten_warp, say
 from warpsph.cli.tables import duration, format_cell, mebibytes, print_table
 
 if TYPE_CHECKING:
-
     from warpsph.case.case import Case
 
 
@@ -90,6 +89,4 @@ def print_plan(case: Case) -> None:
         ],
     )
     if plan["absent"]:
-        print_table(
-            "Absent", ["stage", "why"], [(stage["name"], stage["reason"]) for stage in plan["absent"]]
-        )
+        print_table("Absent", ["stage", "why"], [(stage["name"], stage["reason"]) for stage in plan["absent"]])

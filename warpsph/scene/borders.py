@@ -240,9 +240,7 @@ def _bisect(
     return 0.5 * (low + high), regions.phases(high)
 
 
-def _normals(
-    regions: Regions, point: NDArray[np.float64], below: NDArray[np.int32]
-) -> NDArray[np.float64]:
+def _normals(regions: Regions, point: NDArray[np.float64], below: NDArray[np.int32]) -> NDArray[np.float64]:
     """Unit normals (m, d) out of the phase `below`, of an interface through `point` (m, d)."""
     d = point.shape[1]
     reach = _TANGENT * regions.unit

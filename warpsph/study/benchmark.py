@@ -97,7 +97,7 @@ def benchmark(
     Args:
         output: folder of the results. The same benchmark goes on there: runs that are done are not made again.
         names: benchmarks, by the names of their plans (default: all).
-        level: quick, minutes on one thread, or full, hours or a GPU.
+        level: quick, minutes on one thread; fine, minutes on a GPU; or full, every choice at every resolution, hours.
         device: as of `Simulation`.
         threads: CPU threads of a run.
         processes: runs at the same time on this machine, which their seconds suffer from; above 1 a local cluster of Dask.

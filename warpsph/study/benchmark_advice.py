@@ -91,9 +91,7 @@ def length(case: Case) -> float:
     """(Volume of the smallest phase)^(1/dimension) of a scene, m. Raises CapacityError."""
     geometry = build(case, support_radius(case))
     fluid = geometry.kind == 0
-    volumes = [
-        float(geometry.volume[fluid & (geometry.phase == index)].sum()) for index in np.unique(geometry.phase[fluid])
-    ]
+    volumes = [float(geometry.volume[fluid & (geometry.phase == index)].sum()) for index in np.unique(geometry.phase[fluid])]
     return float(min(volumes) ** (1.0 / case.dimension))
 
 

@@ -11,6 +11,7 @@
       default: {}
       isph: {numerics.scheme: isph}
     quick: {particle_spacing: [1/25, 1/50], choices: [default, isph]}
+    fine: {particle_spacing: [1/100, 1/200], choices: [default]}
     full: {particle_spacing: [1/25, 1/50, 1/100], wall_time: 1800}
 
 A level of a plan is a sweep: every choice at every resolution.
@@ -48,10 +49,10 @@ from warpsph.study.sweep_points import points_of
 SHIPPED = Path(__file__).resolve().parents[2] / "cases" / "benchmark"
 """The plans of a checkout, beside the package."""
 
-LEVELS = ("quick", "full")
+LEVELS = ("quick", "fine", "full")
 """Levels of effort."""
 
-Level = Literal["quick", "full"]
+Level = Literal["quick", "fine", "full"]
 
 REPEATS = 3
 """Times that runs below a second are made; the quickest counts."""
@@ -98,7 +99,13 @@ class Plan(CaseModel):
         description="name -> dotted keys of the case and their values", examples=["{default: {}}"]
     )
     quick: Effort = Field(description="minutes on one thread", examples=["{particle_spacing: [1/25]}"])
-    full: Effort = Field(description="hours, or a GPU", examples=["{particle_spacing: [1/25, 1/50]}"])
+    fine: Effort = Field(
+        description="the resolutions that a GPU is for, with the choices worth their time; minutes on one",
+        examples=["{particle_spacing: [1/100, 1/200], choices: [default]}"],
+    )
+    full: Effort = Field(
+        description="every choice at every resolution, hours", examples=["{particle_spacing: [1/25, 1/50]}"]
+    )
 
     @model_validator(mode="after")
     def _fits_together(self) -> Self:
