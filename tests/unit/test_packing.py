@@ -14,9 +14,10 @@ from warpsph.engine.launch import Launcher
 from warpsph.running import preview
 from warpsph.running.model import Model, quiet_warp
 from warpsph.scene import borders, packing
-from warpsph.scene.borders import VOID, Interface, find_interface, volume_factors
+from warpsph.scene.borders import VOID, Interface, find_interface, volumes
 from warpsph.scene.geometry import build
 from warpsph.scene.masks import contains, inside
+from warpsph.scene.moments import moment_shift
 from warpsph.scene.packing import Packer
 
 quiet_warp()
@@ -181,7 +182,7 @@ def test_normals_at_walls_and_at_a_triple_line():
 
 
 @pytest.mark.parametrize(
-    ("fluids", "volumes"),
+    ("fluids", "exact"),
     [
         ([disc(10, 15.2, 14.7), REST], [math.pi * 100]),
         ([disc(4, 15.2, 14.7), REST], [math.pi * 16]),
@@ -191,24 +192,24 @@ def test_normals_at_walls_and_at_a_triple_line():
         ([fluid("gas", "where", condition="(x - 15)**2 < 100"), REST], [20 * 30]),
     ],
 )
-def test_volume_of_each_region(fluids, volumes):
+def test_volume_of_each_region(fluids, exact):
     regions = regions_of(make(fluids))
-    factors = volume_factors(regions)
+    factors = volumes(regions).factor
     count = np.bincount(regions.entry.ravel())
-    assert factors[0] * count[0] == pytest.approx(volumes[0], rel=1e-4)
+    assert factors[0] * count[0] == pytest.approx(exact[0], rel=1e-4)
     assert (factors * count).sum() == pytest.approx(900, rel=1e-13)
 
 
 def test_volume_of_a_ball():
     regions = regions_of(make([disc(7, 10.2, 9.7, 10.4), REST], (0, 0, 0), (20, 20, 20), boundary={}))
-    factors, count = volume_factors(regions), np.bincount(regions.entry.ravel())
+    factors, count = volumes(regions).factor, np.bincount(regions.entry.ravel())
     assert factors[0] * count[0] == pytest.approx(4 / 3 * math.pi * 343, rel=1e-4)
 
 
 def test_volume_of_many_cells_needs_few_samples_of_each(monkeypatch):
     monkeypatch.setattr(borders, "_BATCH", 100)
     regions = regions_of(make([disc(7, 10.2, 9.7, 10.4), REST], (0, 0, 0), (20, 20, 20), boundary={}))
-    factors, count = volume_factors(regions), np.bincount(regions.entry.ravel())
+    factors, count = volumes(regions).factor, np.bincount(regions.entry.ravel())
     assert factors[0] * count[0] == pytest.approx(4 / 3 * math.pi * 343, rel=1e-3)
 
 
@@ -224,7 +225,7 @@ def test_regions_of_a_phase_have_their_own_volume_unless_they_touch():
     ]
     block = {"shape": {"box": {"lower": [14, 0], "upper": [16, 4]}}}
     regions = regions_of(make(fluids, boundary={"x": "wall", "y": top}, bodies={"block": block}))
-    factors = volume_factors(regions)
+    factors = volumes(regions).factor
     count = np.bincount(regions.entry[regions.entry != VOID])
     assert factors[0] == factors[1] and factors[2] != factors[0]
     assert factors[0] * (count[0] + count[1]) == pytest.approx(36 * math.pi, rel=1e-4)
@@ -653,3 +654,60 @@ def test_check_and_show_arrange_nothing(calls):
     assert not calls
     aligned = preview.describe(case_of(FULL))
     assert aligned["resolved"]["start"]["arrangement"] == "lattice" and aligned["resolved"]["numerics"]["unlock"] == 0.05
+
+
+# ------------------------------------------------------------------------------------------------------------
+# moments
+
+
+@pytest.mark.parametrize("across", [64, 96])
+def test_a_wave_of_the_interface_has_its_amplitude(across):
+    """To five thousandths of a spacing; rows and even spacing alone leave 0.024 and 0.043 of the first cosine."""
+    condition = f"y < 48 + 0.02*{across}*cos(2*pi*x/{across})"
+    fluids = [fluid("gas", "where", condition=condition), REST]
+    geometry, _ = fit(make(fluids, upper=(across, 96), boundary={"x": "periodic", "y": "wall"}))
+    own = geometry.phase == 0
+    x, volume = geometry.position[own, 0], geometry.volume[own]
+    for function, harmonic, amplitude in ((np.cos, 1, 0.02 * across), (np.sin, 1, 0.0), (np.cos, 2, 0.0), (np.sin, 2, 0.0)):
+        k = 2 * math.pi * harmonic / across
+        found = 2 / across * np.sinc(k / 2 / math.pi) * (volume * function(k * x)).sum()
+        assert found == pytest.approx(amplitude, abs=0.005)
+
+
+@pytest.mark.parametrize("periodic", [False, True])
+@pytest.mark.parametrize("volume", [1.0, 0.01])
+def test_waves_of_displacement_give_each_region_its_moments(periodic, volume):
+    """Two layers of particles that stand too dense at one end: after the shift their cosines are those of even layers."""
+    rows = np.arange(0.5, 40)
+    place = np.stack(np.meshgrid(rows, rows, indexing="ij"), axis=-1).reshape(-1, 2)
+    region = (place[:, 1] > 25).astype(np.intp)
+    even = place.copy()
+    place[:, 0] += np.where(region, 0.03, -0.02) * np.sin(2 * math.pi * (place[:, 0] - 0.5) / 39)
+    along_x = np.stack([np.full(160, 25 * volume / 4), np.full(160, 15 * volume / 4)])
+    along_y = np.stack([np.repeat([volume * 10.0, 0.0], [100, 60]), np.repeat([0.0, volume * 10.0], [100, 60])])
+    volumes_of = np.full(1600, volume)
+    way = moment_shift(place, volumes_of, region, [along_x, along_y], (40, 40), (periodic, False))
+    assert np.abs(place + way - even).max() < (0.006 if periodic else 1e-3)
+    assert np.abs(way[:, 1]).max() < 1e-3
+    for k in (math.pi / 40, 2 * math.pi / 40) if not periodic else (2 * math.pi / 40,):
+        for own in (region == 0, region == 1):
+            exact = volume * np.cos(k * even[own, 0]).sum()
+            assert volume * np.cos(k * (place + way)[own, 0]).sum() == pytest.approx(exact, abs=1e-3 * volume)
+
+
+def test_a_small_region_keeps_its_rows():
+    """Four cells: the cosines of the domain cannot be told apart there, and nothing is moved by more than a tenth."""
+    place = np.array([[10.2, 10.5], [11.2, 10.5], [10.2, 11.5], [11.2, 11.5]])
+    amounts = np.zeros((1, 40))
+    amounts[0, 10:12] = 2.0
+    way = moment_shift(place, np.ones(4), np.zeros(4, np.intp), [amounts, amounts], (40, 40), (False, False))
+    assert np.abs(way).max() <= 0.1
+
+
+def test_profiles_say_where_a_region_is():
+    regions = regions_of(make([fluid("gas", "polygon", points=[[0, 0], [30, 0], [0, 30]]), REST]))
+    x, y = volumes(regions).profiles
+    centre = (np.arange(x.shape[1]) + 0.5) * 30 / x.shape[1]
+    for amounts in (x, y):
+        assert amounts[0].sum() == pytest.approx(450, rel=1e-4) and amounts.sum() == pytest.approx(900)
+        assert (amounts[0] * centre).sum() == pytest.approx(4500, rel=1e-3)

@@ -24,7 +24,7 @@ from warpsph.scene.lattice import Lattice
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["Interface", "Regions", "find_interface", "fluid_pairs_off_lattice", "spread", "volume_factors"]
+__all__ = ["Interface", "Regions", "Volumes", "find_interface", "fluid_pairs_off_lattice", "spread", "volumes"]
 
 VOID = -1
 
@@ -46,6 +46,9 @@ of many cells cancel."""
 
 _BATCH = 1 << 20
 """Points tested at a time."""
+
+_BINS = 16
+"""Bins of a cell in the profiles of volumes: the mean over a bin is known to 1e-4 of its share."""
 
 
 @dataclass(eq=False)
@@ -292,24 +295,37 @@ def _tangents(normal: NDArray[np.float64]) -> list[NDArray[np.float64]]:
 # volumes
 
 
-def volume_factors(regions: Regions) -> NDArray[np.float64]:
-    """Volume (E,) of each entry over the volume of the lattice cells whose middle it holds, to about 1e-4.
+@dataclass(eq=False)
+class Volumes:
+    """How much of the domain each entry of `fluids` fills; entries of one phase that touch count as one region.
 
-    Entries of one phase that touch have one factor in common. The sum over all cells of a filled domain is its volume.
+    factor: (E,) volume of each entry over that of the lattice cells whose middle it holds, the same for a whole region
+    region: (E,) the region of each entry: the first of its entries
+    profiles: for each axis (E, bins) the volume of each region along it, in cells; bins of equal width
+    """
+
+    factor: NDArray[np.float64]
+    region: NDArray[np.intp]
+    profiles: list[NDArray[np.float64]]
+
+
+def volumes(regions: Regions) -> Volumes:
+    """The volume of each region of the domain, to about 1e-4, and where it is along each axis.
+
+    The sum over all cells of a filled domain is its volume.
     """
     entries = len(regions.phase_of_entry) - 1
     entry, d = regions.entry, regions.entry.ndim
-    cells = np.argwhere(_at_border(regions, entry, void=True))
-    # of the cells at a border only those that it cuts
-    corners = _grid(np.array([1e-4, 0.5, 1.0 - 1e-4]), d)
-    cut = [np.empty((0, d), dtype=np.intp)]
-    for part in _batches(cells, len(corners)):
-        ids = regions.entries(_points(regions, part, corners))
-        cut.append(part[np.any(ids != ids[:, :1], axis=1)])
-    cells = np.concatenate(cut)
+    cells = _cut_cells(regions)
     whole = np.ones(entry.shape, dtype=np.bool_)
     whole[tuple(cells.T)] = False
-    volume = np.bincount(entry[whole] + 1, minlength=entries + 1).astype(np.float64)
+    # VOID has the first row
+    profiles = [np.zeros((entries + 1, n * _BINS)) for n in entry.shape]
+    for axis, amounts in enumerate(profiles):
+        rows = np.moveaxis(np.where(whole, entry + 1, -1), axis, 0).reshape(entry.shape[axis], -1)
+        for place, row in enumerate(rows):
+            found = np.bincount(row[row >= 0], minlength=entries + 1)
+            amounts[:, place * _BINS : (place + 1) * _BINS] = found[:, None] / _BINS
     # R-sequence: multiples of the powers of 1/g modulo 1, g^(d+1) = g + 1, shifted at random in each cell, so that no border
     # meets the samples of all cells in the same way
     g = {2: 1.32471795724474602596, 3: 1.22074408460575947536}[d]
@@ -318,13 +334,34 @@ def volume_factors(regions: Regions) -> NDArray[np.float64]:
     random = np.random.default_rng(0)
     for part in _batches(cells, samples):
         offsets = np.mod(sequence + random.uniform(size=(len(part), 1, d)), 1.0)
-        ids = regions.entries(_points(regions, part, offsets))
-        volume += np.bincount(ids.ravel() + 1, minlength=entries + 1) / samples
+        ids = regions.entries(_points(regions, part, offsets)) + 1
+        for axis, amounts in enumerate(profiles):
+            bins = np.minimum((part[:, None, axis] + offsets[..., axis]) * _BINS, amounts.shape[1] - 1).astype(np.intp)
+            key = ids * amounts.shape[1] + bins
+            amounts += np.bincount(key.ravel(), minlength=amounts.size).reshape(amounts.shape) / samples
+    volume = profiles[0].sum(axis=1)[1:]
     count = np.bincount(entry.ravel() + 1, minlength=entries + 1).astype(np.float64)
-    group = _touching(regions)
-    volume_of = np.bincount(group, weights=volume[1:], minlength=entries)
-    count_of = np.bincount(group, weights=count[1:], minlength=entries)
-    return np.asarray((volume_of / np.maximum(count_of, 1.0))[group])
+    region = _touching(regions)
+    volume_of = np.bincount(region, weights=volume, minlength=entries)
+    count_of = np.bincount(region, weights=count[1:], minlength=entries)
+    gathered = []
+    for amounts in profiles:
+        total = np.zeros((entries, amounts.shape[1]))
+        np.add.at(total, region, amounts[1:])
+        gathered.append(total)
+    return Volumes((volume_of / np.maximum(count_of, 1.0))[region], region, gathered)
+
+
+def _cut_cells(regions: Regions) -> NDArray[np.intp]:
+    """The cells (c, d) that the border of an entry runs through."""
+    d = regions.entry.ndim
+    cells = np.argwhere(_at_border(regions, regions.entry, void=True))
+    corners = _grid(np.array([1e-4, 0.5, 1.0 - 1e-4]), d)
+    cut = [np.empty((0, d), dtype=np.intp)]
+    for part in _batches(cells, len(corners)):
+        ids = regions.entries(_points(regions, part, corners))
+        cut.append(part[np.any(ids != ids[:, :1], axis=1)])
+    return np.concatenate(cut)
 
 
 def _touching(regions: Regions) -> NDArray[np.intp]:

@@ -2,7 +2,8 @@
 
 The particles of the lattice are displaced a little at random, so that nothing of its symmetry is left, and then moved by
 `kernels/core/cloud.py` on the device of the run: some hundred times towards where their neighbours are even on all sides,
-each time pushed back to half a spacing from the interfaces of their phase. Sides of the domain count as such too.
+each time pushed back to half a spacing from the interfaces of their phase. Sides of the domain count as such too. Twice a
+displacement in long waves gives each fluid its first moments (`moments`).
 Beyond them, in bodies and away from the fluid stand particles that do not move; the empty space beside a free surface
 is filled with particles of a phase of its own, which are thrown away afterwards.
 
@@ -12,6 +13,7 @@ All lengths here are in particle spacings, so that float32 resolves a ten-thousa
 from __future__ import annotations
 
 import math
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -26,9 +28,12 @@ from warpsph.kernels.core.fields import COMMON, FLOW
 from warpsph.kernels.core.params import make_params
 from warpsph.kernels.core.smoothing import KERNELS
 from warpsph.kernels.core.spec import Spec, types_of
-from warpsph.scene.borders import VOID, Interface, Regions, find_interface, spread, volume_factors
+from warpsph.scene.borders import VOID, Interface, Regions, find_interface, spread, volumes
+from warpsph.scene.moments import moment_shift
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from numpy.typing import NDArray
 
     from warpsph.engine.launch import Launcher
@@ -36,6 +41,8 @@ if TYPE_CHECKING:
 ITERATIONS = {2: 150, 3: 100}  # by dimension
 STRENGTH = 0.5  # A: at 0.7 it still settles
 RATIO = 1.5  # smoothing length in spacings, whatever that of the run
+# Iterations after which long waves, which iterations do not even out, are taken out at once; the rest repairs the rows.
+LONG_WAVES = {2: (75, 110), 3: (50, 75)}
 NOISE = 0.1  # displacement of the lattice, in spacings
 SKIN = 0.15
 # Share of the way to the first row that a particle between it and the second is moved, in the first and the last iteration:
@@ -74,14 +81,24 @@ class Packer:
         sites, phase, fixed = _sites(regions)
         volume = np.ones(len(sites))
         fluid = phase != VOID
-        volume[fluid] = volume_factors(regions)[regions.entry[regions.entry != VOID]]
+        filled = volumes(regions)
+        entry = regions.entry[regions.entry != VOID]
+        volume[fluid] = filled.factor[entry]
         box = width * regions.lattice.count
         low = np.where(regions.periodic, -np.inf, ROW)
         high = np.where(regions.periodic, np.inf, box - ROW)
         start = sites * width
         start += np.random.default_rng([seed, 1]).uniform(-NOISE, NOISE, start.shape)
         start = np.clip(start, low, np.maximum(high, low))
-        way = self._settle(regions, start, phase, volume, fixed * width, find_interface(regions))
+        moments = partial(
+            moment_shift,
+            volume=volume[fluid],
+            region=filled.region[entry],
+            profiles=filled.profiles,
+            count=regions.lattice.count,
+            periodic=regions.periodic,
+        )
+        way = self._settle(regions, start, phase, volume, fixed * width, find_interface(regions), moments)
         way += start - sites * width
         return way[fluid] * unit, volume[fluid]
 
@@ -93,6 +110,7 @@ class Packer:
         volume: NDArray[np.float64],
         fixed: NDArray[np.float64],
         interface: Interface,
+        moments: Callable[[NDArray[np.float64]], NDArray[np.float64]] | None = None,
     ) -> NDArray[np.float64]:
         """Iterate; return the way (n, d) of each particle that may move.
 
@@ -100,6 +118,7 @@ class Packer:
         phase: (n,), VOID in empty space
         volume: (n,)
         fixed: (m, d) particles that stay
+        moments: from the places of the fluid particles, in cells, to the ways that give each region its moments
         """
         launcher, device = self.launcher, self.launcher.device
         n, d = start.shape
@@ -170,6 +189,14 @@ class Packer:
             bindings["towards_row"].fill_(DRAWN[0] + (DRAWN[1] - DRAWN[0]) * iteration / ITERATIONS[d])
             for task in tasks:
                 task.run()
+            if moments is not None and iteration + 1 in LONG_WAVES[d]:
+                particle = particles.get("particle_id")[:n]
+                place = np.empty((n, d))
+                place[particle] = particles.get("anchor")[:n].astype(np.float64) + particles.get("offset")
+                shift = np.zeros((n, d))
+                shift[phase != VOID] = moments(place[phase != VOID] / width) * width
+                bindings["way"].assign(wp.array(shift[particle], dtype=vec, device=device))
+                tasks[1].run()
         order = np.argsort(particles.get("particle_id")[:n], kind="stable")
         end = (particles.get("anchor")[:n].astype(np.float64) + particles.get("offset"))[order]
         uneven = bindings["uneven"].numpy()[order][phase != VOID].astype(np.float64) * RATIO
