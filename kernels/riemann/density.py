@@ -16,7 +16,7 @@ from warpsph.kernels.core.fields import FLUID
 from warpsph.kernels.core.pair import NEAR, WRAPPED, list_access, separation_of
 from warpsph.kernels.core.params import make_params, make_phase
 from warpsph.kernels.core.smoothing import make_smoothing
-from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, curvature_type, types, types_of
+from warpsph.kernels.core.spec import Spec, curvature_type, pair_sweep, types, types_of
 from warpsph.kernels.core.time_signals import GRAVITY_NOW, make_forcing
 
 from .body_flow import make_body_flow
@@ -114,7 +114,7 @@ def make_continuity(spec: Spec) -> Any:
     rate_at_bodies = make_body_flow(spec)
     sparse = SPARSE * spec.dimension
 
-    @wp.kernel(module="unique", enable_backward=False, module_options=SWEEP_OPTIONS)
+    @wp.kernel(**pair_sweep(spec))
     def continuity(
         first: int,
         particle_count: int,

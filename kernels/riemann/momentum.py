@@ -32,7 +32,7 @@ from warpsph.kernels.core.fields import FLUID
 from warpsph.kernels.core.pair import BAND, NEAR, WRAPPED, list_access, separation_of
 from warpsph.kernels.core.params import make_params, make_phase
 from warpsph.kernels.core.smoothing import make_smoothing
-from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, curvature_type, types_of
+from warpsph.kernels.core.spec import Spec, curvature_type, pair_sweep, types_of
 from warpsph.kernels.core.time_signals import GRAVITY_NEXT, make_forcing
 from warpsph.kernels.core.viscosity import make_jump_traction, make_viscosity
 
@@ -81,7 +81,7 @@ def make_momentum(spec: Spec) -> Any:
         square = inside * inside
         return square * square
 
-    @wp.kernel(module="unique", enable_backward=False, module_options=SWEEP_OPTIONS)
+    @wp.kernel(**pair_sweep(spec))
     def momentum(
         first: int,
         slot: int,
