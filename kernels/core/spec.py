@@ -149,13 +149,17 @@ class Spec:
     wide_list: bool = False
 
 
-def pair_sweep(spec: Spec) -> dict[str, Any]:
+def pair_sweep(spec: Spec, blocks: int = 4) -> dict[str, Any]:
     """Return the options of `wp.kernel` for a sweep over the pairs of a `Spec` (riemann).
 
     On a GPU each thread has one particle, without a loop over more, which costs registers: sweeps wait for memory, and hide
-    that by other threads. With several phases a sweep would take up to 103 registers, so that a quarter of the threads fit;
-    64 for each, and the rest in the first cache, make the droplet of `bench_speed` 1.6 and 1.4 times quicker in the momentum
-    and the continuity sweep (H200). With one phase the compiler needs fewer by itself, and a limit costs up to 10 %.
+    that by other threads. With several phases a sweep would take up to 128 registers and more, so that a quarter of the
+    threads or fewer fit; limited to what lets `blocks` blocks run side by side, the rest in the first cache, momentum and
+    continuity of the droplet of `bench_speed` are 1.7 and 1.4 times quicker (H200; in 3-D and in float64 1.2 to 1.8 times,
+    docs/speed.md#registers). With one phase the compiler needs fewer by itself, and a limit costs up to 10 %.
+
+    Args:
+        blocks: blocks of BLOCK threads on a multiprocessor.
     """
     options: dict[str, Any] = {
         "module": "unique",
@@ -163,7 +167,7 @@ def pair_sweep(spec: Spec) -> dict[str, Any]:
         "module_options": SWEEP_OPTIONS,
         "grid_stride": False,
     }
-    return options | ({"launch_bounds": (BLOCK, 4)} if spec.multiphase else {})
+    return options | ({"launch_bounds": (BLOCK, blocks)} if spec.multiphase else {})
 
 
 class Types(NamedTuple):

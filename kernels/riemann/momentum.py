@@ -81,7 +81,8 @@ def make_momentum(spec: Spec) -> Any:
         square = inside * inside
         return square * square
 
-    @wp.kernel(**pair_sweep(spec))
+    # of what it sums, vectors and matrices in 3-D and numbers in float64 take more registers
+    @wp.kernel(**pair_sweep(spec, 4 - (spec.dimension > 2) - (spec.precision == "float64")))
     def momentum(
         first: int,
         slot: int,
