@@ -3,8 +3,9 @@
     python scripts/benchmark_tables.py [--pictures]     # writes warpsph/fronts.json, and docs/benchmark/*.png
 
 Records are benchmarks/front_cpu.json and, if it is there, front_h200.json, as `python -m warpsph benchmark --json` writes
-them; other codes come from benchmarks/peers.json. The tables of docs/benchmark.md are written by
-`scripts/write_tables.py`, which also says whether warpsph/fronts.json is as the records say.
+them; pictures of the latter are docs/benchmark/h200/*.png. Other codes, which ran on a CPU, come from benchmarks/peers.json.
+The tables of docs/benchmark.md are written by `scripts/write_tables.py`, which also says whether warpsph/fronts.json is as
+the records say.
 """
 
 from __future__ import annotations
@@ -37,7 +38,7 @@ from warpsph.study.fronts import (
 
 ROOT = Path(__file__).resolve().parents[1]
 DEVICES = ("cpu", "h200")
-"""Records are front_NAME.json; the pictures are those of the first."""
+"""Records are front_NAME.json; the pictures of the first stand in docs/benchmark, of the others in a folder of that name."""
 
 KEPT = ("case", "choice", "particle_spacing", "precision", "device", "threads", "seconds", "steps", "particles", "error")
 """What the shipped table holds of a run."""
@@ -189,10 +190,14 @@ def _scene(plan: Planned, found: Benchmark) -> dict[str, Any]:
 
 
 def pictures() -> list[Path]:
-    """Draw docs/benchmark/*.png from the first record."""
-    folder = ROOT / "docs" / "benchmark"
-    folder.mkdir(exist_ok=True)
-    return draw_benchmark(records()[DEVICES[0]], folder, read_peers(None))
+    """Draw docs/benchmark/*.png from the first record, with other codes, and docs/benchmark/NAME/*.png from the others."""
+    drawn = []
+    for name, found in records().items():
+        first = name == DEVICES[0]
+        folder = ROOT / "docs" / "benchmark" / ("" if first else name)
+        folder.mkdir(exist_ok=True)
+        drawn += draw_benchmark(found, folder, read_peers(None) if first else ())
+    return drawn
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

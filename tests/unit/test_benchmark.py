@@ -320,6 +320,16 @@ def test_another_scene_takes_as_many_spacings_over_its_length():
     assert found.changes["particle_spacing"] == pytest.approx(1 / 20, rel=0.01)
 
 
+def test_advice_is_that_of_the_kind_of_device():
+    known = table()
+    known["rows"].append(known["rows"][0] | {"device": "cuda:0", "seconds": 0.1, "particles": 1000})
+    case = Case.from_dict(scene())
+    assert advise(case, 0.05, known).row["seconds"] == 1.0, "runs of a GPU are no advice for a CPU"
+    for device in ("cuda", "cuda:0", "cuda:1"):
+        assert advise(case, 0.05, known, device).row["seconds"] == 0.1
+        assert advise(case, 0.01, known, device).row is None, "nor the other way round"
+
+
 def test_scenes_are_told_apart():
     names = "dam_break elliptic_drop shear_drop square_droplet rayleigh_taylor sod taylor_green hysing_1".split()
     cases = {name: load_case(ROOT / "cases" / f"{name}.yaml") for name in names}
@@ -346,25 +356,35 @@ def test_wrong_errors_are_refused(text, capsys):
     assert "--for-error" in message and "needs an error above 0 and below 100 %" in message and "write e.g. 1%" in message
 
 
+def test_a_device_without_a_benchmark_is_refused(capsys):
+    with pytest.raises(SystemExit) as stop:
+        cli.app(["check", str(ROOT / "cases" / "sod.yaml"), "--for-error", "1%", "--device", "abacus"])
+    message = capsys.readouterr().err
+    assert stop.value.code == 2
+    assert "--device" in message and "abacus" in message and "choose from: cpu, cuda" in message
+
+
 # ---- what is stored --------------------------------------------------------------------------------------
 
 
 def test_every_case_on_record_has_its_picture_on_the_page():
     page = (ROOT / "docs" / "benchmark.md").read_text(encoding="utf-8")
-    for name in read_benchmark(ROOT / "benchmarks" / "front_cpu.json").cases:
-        picture = f"benchmark/{name}.png"
-        assert f"]({picture})" in page, name
-        assert 5_000 < (ROOT / "docs" / picture).stat().st_size < 100_000, name
+    for record, folder in (("front_cpu", "benchmark"), ("front_h200", "benchmark/h200")):
+        for name in read_benchmark(ROOT / "benchmarks" / f"{record}.json").cases:
+            picture = f"{folder}/{name}.png"
+            assert f"]({picture})" in page, picture
+            assert 5_000 < (ROOT / "docs" / picture).stat().st_size < 100_000, picture
 
 
-def test_the_table_of_the_package_gives_advice_for_each_of_its_cases():
+@pytest.mark.parametrize("machine", ["cpu", "cuda:0"])
+def test_the_table_of_the_package_gives_advice_for_each_of_its_cases(machine):
     known = stored_fronts()
     assert set(known["cases"]) == set(find_plans())
     for name, path in find_plans().items():
         case = load_case((path.parent / load_plan(path).case).resolve())
-        own = [entry for entry in known["rows"] if entry["case"] == name and entry["device"] == "cpu"]
+        own = [entry for entry in known["rows"] if entry["case"] == name and entry["device"] == machine]
         worst = max(entry["error"] for entry in own)
-        found = advise(case, worst, known)
+        found = advise(case, worst, known, machine)
         assert (found.case, found.exact) == (name, True)
         assert found.row == sure(own, worst)[0], "none is worse than the worst"
         assert found.row["seconds"] <= NOISE * min(entry["seconds"] for entry in own)

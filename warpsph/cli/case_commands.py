@@ -23,6 +23,9 @@ def check(
         str | None,
         typer.Option(metavar="ERROR", help="Suggest settings for an error such as 1%, from the stored benchmark."),
     ] = None,
+    device: Annotated[
+        str, typer.Option(help="Whose runs --for-error looks at: cpu, or cuda for those of a GPU; need not be here.")
+    ] = "cpu",
     debug: Debug = False,
 ) -> None:
     """Validate a case; print particle counts, memory, time step and estimated time."""
@@ -35,7 +38,7 @@ def check(
             runs_of(loaded, case.stem)  # raises if one is wrong
         print_estimate(loaded)
         if error is not None:
-            print_advice(loaded, error)
+            print_advice(loaded, error, device)
 
 
 def show(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from warpsph.cli.reporting import quieten_warp, say
+from warpsph.cli.reporting import quieten_warp, refuse, say
 from warpsph.cli.tables import duration, format_cell, mebibytes, print_table
 
 if TYPE_CHECKING:
@@ -33,15 +33,18 @@ def print_estimate(case: Case) -> None:
         raise found["refused"]
 
 
-def print_advice(case: Case, error: float) -> None:
-    """Print what to take for an error, by the stored benchmarks."""
-    from warpsph.study.benchmark_advice import advise, stored_fronts
+def print_advice(case: Case, error: float, device: str) -> None:
+    """Print what to take for an error, by the stored benchmarks of a kind of device. Raises CaseError if there are none."""
+    from warpsph.study.benchmark_advice import advise, kind_of, stored_fronts
 
     table = stored_fronts()
     if not table["cases"]:
         say("no benchmark is stored in this version: nothing to suggest")
         return
-    found = advise(case, error, table)
+    known = dict.fromkeys(kind_of(entry["device"]) for entry in table["sources"])
+    if kind_of(device) not in known:
+        refuse("--device", device, "no benchmark of such a device is stored", f"choose from: {', '.join(known)}")
+    found = advise(case, error, table, device)
     origin = f"the benchmark {found.case} ({found.says}), {found.error_name}"
     print(f"for an error of {100 * error:g} %, from {origin}")
     if not found.exact:
@@ -67,7 +70,8 @@ def print_advice(case: Case, error: float) -> None:
     counts = f"{row['particles']} particles, {row['steps']} steps"
     measured = f"{100 * row['error']:.2g} % in {duration(row['seconds'])}, {counts}"
     rows.append((f"measured: {row['choice']}", measured))
-    rows.append(("on", f"{source['device_name']}, {source['threads']} thread(s), {source['date']}"))
+    threads = f", {source['threads']} thread(s)" if source["device"] == "cpu" else ""
+    rows.append(("on", f"{source['device_name']}{threads}, {source['date']}"))
     print_table("Settings", ["", ""], rows)
 
 

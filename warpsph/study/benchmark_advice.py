@@ -141,6 +141,11 @@ def nearest(case: Case, table: Mapping[str, Any]) -> str:
     ))  # fmt: skip
 
 
+def kind_of(device: str) -> str:
+    """`cpu` or `cuda`, of a device such as `cuda:1`: what the rows of a table are told apart by."""
+    return device.partition(":")[0]
+
+
 def advise(case: Case, error: float, table: Mapping[str, Any], device: str = "cpu") -> Advice:
     """What to take for an error at most.
 
@@ -148,13 +153,14 @@ def advise(case: Case, error: float, table: Mapping[str, Any], device: str = "cp
         case: the scene.
         error: relative, above 0.
         table: as of `stored_fronts`.
-        device: whose runs are looked at: the name as in the table.
+        device: runs of this kind of device are looked at: those of any GPU for `cuda:1`.
 
     Raises CapacityError if the scene does not even fit the memory to be counted.
     """
     name = nearest(case, table)
     about = table["cases"][name]
-    rows = [row for row in table["rows"] if row["case"] == name and row["device"] == device and counts(row)]
+    kind = kind_of(device)
+    rows = [row for row in table["rows"] if row["case"] == name and kind_of(row["device"]) == kind and counts(row)]
     exact = about["identity"] == identity(case)
     differences = () if exact else tuple(unlike(features(case), about["features"]))
     told = {"case": name, "says": about["says"], "error_name": about["error_name"], "exact": exact,
