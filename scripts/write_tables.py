@@ -15,6 +15,7 @@ A table stands between two marks, each a line of its own, anywhere in README.md 
     validation_h200                    every row of the records of the H200, with its value and reference
     commands_h200                      the commands of these records
     speed_cpu, speed_h200              million particle-steps a second
+    profile_h200                       the stages that take most of a step, and their share of the copy bandwidth
     benchmark_NAME_DEVICE              fronts, defaults, targets, failures, others of the benchmark on cpu, h200
     benchmark_commands                 the commands of these records
     constants                          constants that are not derived, and what half and double of each changes
@@ -365,6 +366,11 @@ def commands_h200() -> str:
     return "```sh\n" + "".join(lines) + "```\n"
 
 
+def spaced(value: float) -> str:
+    """A whole number with a space between thousands."""
+    return f"{value:,.0f}".replace(",", " ")
+
+
 def _speeds(name: str) -> list[dict[str, Any]]:
     return list(json.loads((BENCHMARKS / f"{name}.json").read_text(encoding="utf-8"))["rows"])
 
@@ -382,10 +388,6 @@ def speed_cpu() -> str:
 
 def speed_h200() -> str:
     """Steps, and how far they are from the memory's limit."""
-
-    def spaced(value: float) -> str:
-        return f"{value:,.0f}".replace(",", " ")
-
     lines = [
         [row["scene"], spaced(row["particles"]), f"{row['ms_per_step']:.3f}", spaced(row["mups"]),
          f"{row['floor_ratio']:.1f}", f"{100 * row['shares'].get('neighbour list', 0.0):.0f} %"]
@@ -393,6 +395,32 @@ def speed_h200() -> str:
     ]  # fmt: skip
     head = ["scene", "particles", "ms a step", "million particle-steps/s", "x floor", "list work"]
     return table(head, "lrrrrr", lines)
+
+
+def profile_h200() -> str:
+    """The stages of each scene that take most of its time, and how near they come to the bandwidth of a copy.
+
+    Shares are those of the time in stages; the making of neighbour lists counts as one stage. Nothing is said of the
+    bandwidth of stages that do not run as one kernel.
+    """
+    record = json.loads((BENCHMARKS / "profile_h200.json").read_text(encoding="utf-8"))
+    lines = []
+    for scene in record["scenes"]:
+        inside = scene["us_in_stages"]
+        spent: dict[str, float] = {}
+        moved: dict[str, float | None] = {}
+        for row in scene["rows"]:
+            stage = "list" if row["stage"].startswith("list: ") else row["stage"]
+            spent[stage] = spent.get(stage, 0.0) + row["us_per_step"]
+            moved[stage] = None if stage == "list" else row["bandwidth"]
+        cells = []
+        for stage in sorted(spent, key=lambda stage: -spent[stage])[:3]:
+            rate = moved[stage]
+            near = "" if rate is None else f", {rate / 1e9:.0f} GB/s, {rate / record['bandwidth']:.2f}"
+            cells.append(f"{stage} {spent[stage]:.0f} µs, {100 * spent[stage] / inside:.0f} %{near}")
+        lines.append([scene["scene"], spaced(scene["particles"]), spaced(inside), *cells])
+    head = ["scene", "particles", "µs a step in stages", "largest", "second", "third"]
+    return table(head, "lrrlll", lines)
 
 
 def cells_or_none(head: Iterable[str], align: str, rows: list[list[str]]) -> str:
@@ -412,6 +440,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "commands_h200": commands_h200,
     "speed_cpu": speed_cpu,
     "speed_h200": speed_h200,
+    "profile_h200": profile_h200,
     "benchmark_commands": benchmark_tables.commands,
     **{name: lambda make=make: cells_or_none(*make()) for name, make in benchmark_tables.tables().items()},
     "constants": lambda: table(*sensitivity_table.constants(BENCHMARKS / "sensitivity.json")),
