@@ -4,7 +4,7 @@ The acceleration is (1/rho_i) sum_j mu_ij term(v_ij, x_ij) F_ij V_j, mu_ij the h
 """
 
 import functools
-from typing import Any
+from typing import Any, NamedTuple
 
 import warp as wp
 
@@ -45,21 +45,38 @@ def make_viscosity(form: str, dimension: int, precision: str) -> Any:
     return viscous_term
 
 
+class InterfaceStress(NamedTuple):
+    """`wp.func`s of what the friction of pairs lacks between two fluids: a traction along, a jump of the pressure across."""
+
+    traction: Any
+    pressure: Any
+
+
 @functools.cache
-def make_jump_traction(dimension: int, precision: str) -> Any:
-    """Return the `wp.func` jump_traction(rho_i, rho_j, mu_i, mu_j, G, fd): what mu grad v^T adds between two fluids.
+def make_interface_stress(dimension: int, precision: str) -> InterfaceStress:
+    """Return traction(mu_i, mu_j, G, n, fd) and pressure(mu_i, mu_j, G, n) (theory: riemann#a4).
 
     The pairs of the Morris form have the stress mu grad v alone. The rest, mu grad v^T, has no divergence within a fluid,
-    but pulls at an interface with (mu_j - mu_i) G^T n, where G^T n = grad(v.n) is the same on both sides. It is shared
-    like the pressure p*: particle i has 2 rho_i/(rho_i + rho_j) of it.
+    but pulls at an interface with (mu_j - mu_i) grad(v.n), which is the same vector on both sides.
 
-    G is the velocity gradient [1/s] of the more viscous side, the smaller one along the interface; fd is F V_j x_ij.
+    Along the interface pairs across it have mu_ij dv/dn, which with the true traction T = mu (dv/dn + grad(v.n)) of both
+    sides is T - mu_ij grad(v.n); in its own fluid a particle has T - mu_i grad(v.n). So its side lacks mu_ij - mu_i of it.
+    Across, the pressures differ by 2 (mu_i - mu_j) n.grad(v.n), as they do by a Laplace jump: it goes into p* and is no
+    sound. What pairs have across must then end in each fluid as it began there, mu_i - mu_ij.
+
+    G is the velocity gradient [1/s] of the more viscous side, the smaller one along the interface; n its unit normal, of
+    either sign, 0 where there is none; fd is F V_j x_ij.
     """
     real, vec, mat, _ = types(dimension, precision)
 
     @wp.func
-    def jump_traction(rho_i: real, rho_j: real, mu_i: real, mu_j: real, gradient: mat, fd: vec):
-        share = real(2.0) * rho_i / (rho_i + rho_j)
-        return (share * (mu_j - mu_i)) * (wp.transpose(gradient) * fd)
+    def traction(mu_i: real, mu_j: real, gradient: mat, n: vec, fd: vec):
+        mean = real(2.0) * mu_i * mu_j / wp.max(mu_i + mu_j, real(1.0e-30))
+        pull = wp.transpose(gradient) * fd
+        return (real(2.0) * (mean - mu_i)) * (pull - (real(2.0) * wp.dot(n, pull)) * n)
 
-    return jump_traction
+    @wp.func
+    def pressure(mu_i: real, mu_j: real, gradient: mat, n: vec):
+        return real(2.0) * (mu_i - mu_j) * wp.dot(n, gradient * n)
+
+    return InterfaceStress(traction, pressure)

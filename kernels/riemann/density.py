@@ -18,6 +18,7 @@ from warpsph.kernels.core.params import make_params, make_phase
 from warpsph.kernels.core.smoothing import make_smoothing
 from warpsph.kernels.core.spec import Spec, curvature_type, pair_sweep, types, types_of
 from warpsph.kernels.core.time_signals import GRAVITY_NOW, make_forcing
+from warpsph.kernels.core.viscosity import make_interface_stress
 
 from .body_flow import make_body_flow
 from .star import make_carried, make_jump, make_star
@@ -97,22 +98,20 @@ def make_damping(spec: Spec) -> Any:
 def make_continuity(spec: Spec) -> Any:
     """Return the continuity sweep of a `Spec`: reads the old state, writes density excess and new state."""
     real, vec, mat, pair = types_of(spec)
-    Params = make_params(spec.dimension, spec.precision)
-    Phase = make_phase(spec.precision)
-    eos = make_eos(spec.precision)
-    _, slope = make_smoothing(spec.kernel, spec.precision)
-    separation = separation_of(spec)
+    Params, Phase = make_params(spec.dimension, spec.precision), make_phase(spec.precision)
+    eos, slope = make_eos(spec.precision), make_smoothing(spec.kernel, spec.precision)[1]
     list_begin, list_step, neighbour, Listed = list_access(spec)
     star_velocity, _ = make_star(spec.precision, spec.paper_star)
     laplace_jump, carried = make_jump(spec.precision), make_carried(spec.dimension, spec.precision)
     parts_jump, curved = make_parts_jump(spec.precision), curvature_type(spec)
     hardening, damping, damps = make_hardening(spec.precision), make_damping(spec), spec.acoustic_damping
-    gravity_of, _ = make_forcing(spec)
+    (gravity_of, _), separation = make_forcing(spec), separation_of(spec)
     periodic, jumps = any(spec.periodic), spec.tension == "pressure_jump" and not spec.triple
     spray, sided = spec.free_surface and not spec.multiphase, spec.multiphase and not spec.paper_star
+    pulled = sided and spec.viscosity == "morris"  # the other forms have the whole stress in their pairs
+    _, stress_jump = make_interface_stress(spec.dimension, spec.precision)
     linear = spec.bodies and spec.corrected  # exact for a linear velocity and pressure on any arrangement
-    rate_at_bodies = make_body_flow(spec)
-    sparse = SPARSE * spec.dimension
+    rate_at_bodies, sparse = make_body_flow(spec), SPARSE * spec.dimension
 
     @wp.kernel(**pair_sweep(spec))
     def continuity(
@@ -125,6 +124,7 @@ def make_continuity(spec: Spec) -> Any:
         clock: wp.array(dtype=wp.float64),
         forcing: wp.array(dtype=vec),
         velocity_gradient: wp.array(dtype=mat),
+        facing: wp.array(dtype=vec),
         neighbours: Listed,
         fluid_neighbours: wp.array(dtype=wp.int16),
         wall_neighbours: wp.array(dtype=wp.int16),
@@ -208,6 +208,9 @@ def make_continuity(spec: Spec) -> Any:
                         elif wp.static(jumps):
                             sigma = tension[own_phase * phases.shape[0] + other_phase]
                             dp -= laplace_jump(sigma, kappa_i, curvature[j], w_i, interface_weight[j])
+                        if wp.static(pulled):
+                            thick = wp.where(own.viscosity > other.viscosity, i, j)
+                            dp -= stress_jump(own.viscosity, other.viscosity, velocity_gradient[thick], facing[thick])
                         inv_r = real(1.0) / wp.max(r, real(1.0e-6) * params.h)
                         u_i, u_j = -wp.dot(vi, d) * inv_r, -wp.dot(velocity[j], d) * inv_r
                         driving = params.dissipation * dp

@@ -34,7 +34,7 @@ from warpsph.kernels.core.params import make_params, make_phase
 from warpsph.kernels.core.smoothing import make_smoothing
 from warpsph.kernels.core.spec import Spec, curvature_type, pair_sweep, types_of
 from warpsph.kernels.core.time_signals import GRAVITY_NEXT, make_forcing
-from warpsph.kernels.core.viscosity import make_jump_traction, make_viscosity
+from warpsph.kernels.core.viscosity import make_interface_stress, make_viscosity
 
 from .star import make_jump, make_one_sided, make_star
 from .three_phases import make_parts_jump
@@ -73,7 +73,7 @@ def make_momentum(spec: Spec) -> Any:
     dimension = float(spec.dimension)
     sided = spec.multiphase and not spec.paper_star
     pulled = sided and spec.viscosity == "morris"  # the other forms have the whole stress in their pairs
-    jump_traction = make_jump_traction(spec.dimension, spec.precision)
+    stress_traction, stress_jump = make_interface_stress(spec.dimension, spec.precision)
 
     @wp.func
     def window(r2: real, inv_window: real):
@@ -228,6 +228,11 @@ def make_momentum(spec: Spec) -> Any:
                         elif wp.static(jumps):
                             sigma = tension[own_phase * phases.shape[0] + other_phase]
                             jump = laplace_jump(sigma, kappa_i, curvature[j], w_i, interface_weight[j])
+                        if wp.static(pulled):
+                            thick = wp.where(own.viscosity > other.viscosity, i, j)
+                            grad, n = velocity_gradient[thick], facing[thick]
+                            jump += stress_jump(own.viscosity, other.viscosity, grad, n)
+                            viscous_sum += stress_traction(own.viscosity, other.viscosity, grad, n, fd)
                         p_star = star_pressure(p_i, state_j[0], own.density, other.density, jump)
                         if wp.static(sided):
                             # Directions that do not oppose: no common interface, one of the two is a splinter of a few
@@ -241,11 +246,6 @@ def make_momentum(spec: Spec) -> Any:
                         if wp.static(spec.corrected):
                             p_star -= p_i
                         pressure_sum += (real(2.0) * p_star) * fd
-                        if wp.static(pulled):
-                            thick = wp.where(own.viscosity > other.viscosity, i, j)
-                            viscous_sum += jump_traction(
-                                own.density, other.density, own.viscosity, other.viscosity, velocity_gradient[thick], fd
-                            )
                         if wp.static(viscous):
                             mu = real(2.0) * mu * other.viscosity / wp.max(mu + other.viscosity, real(1.0e-30))
                         if wp.static(spec.interface_force):

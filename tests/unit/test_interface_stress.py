@@ -1,0 +1,91 @@
+"""Friction at the interface of two fluids of other viscosities: flows whose viscous forces are known exactly."""
+
+import math
+
+import numpy as np
+import pytest
+
+from warpsph.simulation import Simulation
+
+TWO_PI = 2 * math.pi
+
+
+def forces(velocity, viscosity, spacings, **numerics):
+    """Place (n, 2), viscous force (n, 2) and phase (n,) of the particles of a disc of radius 1 and of what is around it.
+
+    The force is the momentum of three tiny steps less that of the same without viscosity, over their time: pressures of
+    these steps are nought. Jumps of the pressure that viscosity brings are in it.
+    """
+    found = []
+    for on in (1, 0):
+        names = ("drop", "matrix")
+        phases = {
+            name: {"density": 1, "viscosity": on * mu, "sound_speed": 20} for name, mu in zip(names, viscosity, strict=True)
+        }
+        case = {
+            "dimension": 2,
+            "particle_spacing": 1 / spacings,
+            "end_time": 3e-7,
+            "precision": "float64",
+            "domain": {"lower": [-2.5, -2.5], "upper": [2.5, 2.5], "boundary": {"x": "free_slip", "y": "free_slip"}},
+            "phases": phases,
+            "fluids": [
+                {"phase": "drop", "shape": {"sphere": {"center": [0, 0], "radius": 1}}},
+                {"phase": "matrix", "shape": "rest"},
+            ],
+            "start": {"velocity": velocity},
+            "numerics": {"maximum_step": 1e-7, **numerics},
+            "output": {"particles": "none", "checkpoint": "none"},
+        }
+        state = Simulation(case, threads=1).run().state
+        found.append((state.position, state.mass[:, None] * state.velocity / state.time, state.phase))
+    (place, push, phase), (_, rest, _) = found
+    near = np.linalg.norm(place, axis=1) < 2
+    return place[near], (push - rest)[near], phase[near]
+
+
+def along(place, force):
+    """Moment of the forces about the middle (n,)."""
+    return place[:, 0] * force[:, 1] - place[:, 1] * force[:, 0]
+
+
+@pytest.mark.parametrize("viscosity", [(10.0, 1.0), (1.0, 10.0)])
+def test_fluids_that_turn_together_feel_no_friction(viscosity):
+    """To half a spacing; shared evenly, what pairs lack would drive the two against each other by 0.4 of it."""
+    place, force, phase = forces(["-y", "x"], viscosity, 16)
+    for side in (0, 1):
+        assert abs(along(place, force)[phase == side].sum()) < 0.5 / 16 * 9 * TWO_PI
+
+
+@pytest.mark.parametrize("viscosity", [(10.0, 1.0), (1.0, 10.0), (5.0, 5.0)])
+def test_straining_pulls_with_twice_the_difference_of_viscosities(viscosity):
+    """The work of the forces on v = (x, -y) is 2 (mu_outside - mu_inside) times that of n: of first order, 6 % at 12."""
+    inside, outside = viscosity
+    exact = 2 * (outside - inside) * TWO_PI
+    errors = []
+    for spacings in (12, 24):
+        place, force, _ = forces(["x", "-y"], viscosity, spacings)
+        work = (force * place * [1, -1]).sum()
+        errors.append(abs(work - exact) / (2 * max(viscosity) * TWO_PI))
+    assert errors[0] < 0.08 and errors[1] < 0.04
+
+
+@pytest.mark.parametrize("ratio", [0.1, 10.0])
+def test_a_drop_in_strain_has_the_traction_of_the_exact_flow(ratio):
+    """Flow of a round drop without tension in a straining one (2-D, no inertia): strain of the drop 2/(1 + ratio).
+
+    Inside v_r = a r cos 2t, outside v_r = (r + b/r + c/r^3) cos 2t with a = 2/(1 + ratio), b = 2 a - 2, c = 1 - a. Inside
+    there is no force but at the interface, where the tangential ones of both fluids are balanced.
+    """
+    a = 2 / (1 + ratio)
+    b, c = 2 * a - 2, 1 - a
+    r = "maximum(r, 0.5)"
+    radial = f"where(r < 1, {a}*r, r + {b}/{r} + {c}/{r}**3)*(x*x - y*y)/maximum(r, 1e-9)**3"
+    turning = f"-where(r < 1, {a}*r, r - {c}/{r}**3)*2*x*y/maximum(r, 1e-9)**3"
+    velocity = [f"({radial})*x - ({turning})*y", f"({radial})*y + ({turning})*x"]
+    place, force, phase = forces(velocity, (ratio, 1.0), 16)
+    length = np.linalg.norm(place, axis=1)
+    weight = -2 * place[:, 0] * place[:, 1] / length**3
+    tangential = (weight * along(place, force))[phase == 0].sum()
+    traction = max(ratio, 1.0) * a * TWO_PI
+    assert abs(tangential) < 0.1 * traction
