@@ -157,7 +157,8 @@ def make_momentum(spec: Spec) -> Any:
         pressure_sum = vec()  # sum of (p*) or (p* - p_i), times 2 F V x_ij
         own_sum = vec()  # the same over the own phase alone: its pressure gradient carries the density in a shift
         viscous_sum = vec()
-        even = vec()  # sum of F V x_ij, zero on an even arrangement; other phases with an extra weight
+        even = vec()  # sum of F V x_ij, zero on an even arrangement
+        apart = vec()  # the extra weight of other phases in it, for the shift
         flow = mat()  # sum of (v_j - v_i) (x) F V x_ij over the own phase: its velocity gradient
         wall_flow = mat()  # the same over no-slip walls and the velocities mirrored in them
         own_even = vec()  # sum of F V x_ij over the own phase
@@ -219,7 +220,7 @@ def make_momentum(spec: Spec) -> Any:
                                 own_sum += (state_j[0] - p_i) * fd
                     else:
                         if wp.static(spec.shifting):
-                            even += real(APART) * fd
+                            apart += real(APART) * fd
                         other = phases[other_phase]
                         beside = beside or f != real(0.0)
                         jump = real(0.0)
@@ -232,7 +233,7 @@ def make_momentum(spec: Spec) -> Any:
                             thick = wp.where(own.viscosity > other.viscosity, i, j)
                             grad, n = velocity_gradient[thick], facing[thick]
                             jump += stress_jump(own.viscosity, other.viscosity, grad, n)
-                            viscous_sum += stress_traction(own.viscosity, other.viscosity, grad, n, fd)
+                            viscous_sum += stress_traction(own.viscosity, other.viscosity, grad, facing[i], fd)
                         p_star = star_pressure(p_i, state_j[0], own.density, other.density, jump)
                         if wp.static(sided):
                             # Directions that do not oppose: no common interface, one of the two is a splinter of a few
@@ -416,6 +417,9 @@ def make_momentum(spec: Spec) -> Any:
                                 linear = linear + wp.transpose(shear) * even + wp.trace(shear) * even
                             viscous_sum -= (real(2.0) * own.viscosity) * linear
                             viscous_sum = viscous_sum * (real(dimension) / wp.trace(m))
+                        elif wp.static(pulled):
+                            # the same with the gradient of the own phase: fluids that turn together feel nothing
+                            viscous_sum -= (real(2.0) * own.viscosity) * (velocity_gradient[i] * even)
             a = total * (real(-1.0) / rho_i)
         else:
             a = pressure_sum * (-g_norm / rho_i)
@@ -470,7 +474,7 @@ def make_momentum(spec: Spec) -> Any:
             # or a uniformly moving fluid is not stirred.
             dt = real(clock[STEP])
             strength = wp.sqrt(wp.ddot(shear, shear)) * dt
-            dx = even * (-params.shifting * strength * params.h * params.h * g_norm)
+            dx = (even + apart) * (-params.shifting * strength * params.h * params.h * g_norm)
             length = wp.length(dx)
             cap = params.shift_cap * params.h
             if length > cap:
