@@ -65,7 +65,8 @@ def make_interface_stress(dimension: int, precision: str) -> InterfaceStress:
     sound. What pairs have across must then end in each fluid as it began there, mu_i - mu_ij.
 
     G is the velocity gradient [1/s] of the more viscous side, the smaller one along the interface; n a unit normal of either
-    sign, 0 where there is none, for the traction that of i, for the pressure that of the more viscous side; fd is F V_j x_ij.
+    sign, 0 where there is none: for the traction that of i, for the pressure that of the more viscous
+    side. fd is F V_j x_ij.
     """
     real, vec, mat, _ = types(dimension, precision)
 

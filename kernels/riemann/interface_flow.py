@@ -27,6 +27,8 @@ from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, types_of
 FULL, NONE = 0.3, 0.15
 # |sum_other grad W V| over sum_other |grad W V|, 0.6 to 1 at a flat interface: below, no one side faces the other phases.
 CLEAR = 0.3
+# h times the gradient of the share of other phases, of order 1 beside an interface, below which it points nowhere.
+FAINT = 1.0e-6
 
 
 @functools.cache
@@ -102,7 +104,8 @@ def make_interface_flow(spec: Spec) -> Any:
                 gradient = gradient * ((determinant - real(none)) / real(full - none))
         velocity_gradient[i] = gradient
         strength = wp.length(others)
-        if strength > real(CLEAR) * all_others:
+        # what the edge of the support sees of another phase is no direction, and its reciprocal may be infinite
+        if strength > real(CLEAR) * all_others and strength * (params.g_norm * params.h) > real(FAINT):
             facing[i] = others / strength
         else:
             facing[i] = vec()
