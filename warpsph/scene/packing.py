@@ -90,6 +90,8 @@ class Packer:
         start = sites * width
         start += np.random.default_rng([seed, 1]).uniform(-NOISE, NOISE, start.shape)
         start = np.clip(start, low, np.maximum(high, low))
+        # a single fluid has no interface whose long waves would be wrong, and moments of its own to lose at walls
+        several = len(np.unique(phase[fluid])) > 1
         moments = partial(
             moment_shift,
             volume=volume[fluid],
@@ -98,7 +100,9 @@ class Packer:
             count=regions.lattice.count,
             periodic=regions.periodic,
         )
-        way = self._settle(regions, start, phase, volume, fixed * width, find_interface(regions), moments)
+        way = self._settle(
+            regions, start, phase, volume, fixed * width, find_interface(regions), moments if several else None
+        )
         way += start - sites * width
         return way[fluid] * unit, volume[fluid]
 
