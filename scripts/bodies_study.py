@@ -108,6 +108,8 @@ def changed(module, name, value):
         setattr(module, name, before)
 
 
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--spacing", type=lambda text: float(Fraction(text)), default=1 / 48, help="particle spacing, m")

@@ -50,7 +50,9 @@ RUNS: dict[str, tuple[str, list[str], tuple[str, ...]]] = {
 }  # fmt: skip
 
 
-def measure(case_name: str, overrides: list[str], entries: tuple[str, ...], device: str, threads: int) -> dict[str, object]:
+def measure(
+    case_name: str, overrides: list[str], entries: tuple[str, ...], device: str, threads: int
+) -> dict[str, object]:
     """Run a case and return {seconds, steps, errors by entry, failed: text or None}."""
     case = load_case(CASES / f"{case_name}.yaml", ["numerics.scheme=isph", *overrides])
     simulation = Simulation(case, device=device, threads=threads)

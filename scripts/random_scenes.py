@@ -298,7 +298,7 @@ def _inside(shape: dict[str, Any]) -> str:
         return " and ".join(f"{low!r} <= {axis} < {high!r}" for axis, low, high in rows)
     sphere = shape["sphere"]
     terms = [f"({axis} - {c!r})**2" for axis, c in zip("xyz", sphere["center"], strict=False)]
-    return f"{' + '.join(terms)} < {sphere['radius'] ** 2!r}"
+    return f"{' + '.join(terms)} < {sphere['radius']**2!r}"
 
 
 def _throw(draw: Draw, case: dict[str, Any], shapes: list[dict[str, Any]], pace: float) -> None:

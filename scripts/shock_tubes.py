@@ -64,7 +64,9 @@ def measured(name: str, changes: dict, device: str) -> Result:
     contact, star = exact.star.velocity, exact.star
     tail = contact - np.sqrt(GAMMA * star.pressure / star.left)
     ahead = exact.right
-    shock = ahead.velocity + np.sqrt(((GAMMA + 1) / 2 * star.pressure + (GAMMA - 1) / 2 * ahead.pressure) / ahead.density)
+    shock = ahead.velocity + np.sqrt(
+        ((GAMMA + 1) / 2 * star.pressure + (GAMMA - 1) / 2 * ahead.pressure) / ahead.density
+    )
     near = (x / state.time > 0.5 * (tail + contact)) & (x / state.time < 0.5 * (shock + contact))
     around = state.pressure[near] / star.pressure - 1
     energy = run.gauge("energy")["total"]

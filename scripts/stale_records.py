@@ -174,7 +174,9 @@ def topics_of_record(name: str, data: Any) -> frozenset[str]:
     runs = {(row["case"], row["run"]) for row in rows if isinstance(row, dict) and "case" in row and "run" in row}
     if isinstance(data, dict) and isinstance(data.get("runs"), dict):
         runs |= {tuple(key.split("/", 1)) for key in data["runs"]}
-    schemes = {next((scheme for scheme in ("isph", "riemann") if scheme in run), scheme_of_case(case)) for case, run in runs}
+    schemes = {
+        next((scheme for scheme in ("isph", "riemann") if scheme in run), scheme_of_case(case)) for case, run in runs
+    }
     if not schemes:
         schemes = {"riemann"} if name.startswith(("stress", "random", "speed", "skip", "double")) else {"riemann", "isph"}
     return frozenset(schemes | ({"linear"} if "isph" in schemes else set()))
@@ -199,7 +201,9 @@ def later_changes(record: Record, known: Iterable[str]) -> list[str] | None:
     except subprocess.CalledProcessError:
         return None
     passed = tuple(known)
-    return [commit for commit in later if not commit.startswith(passed or ("-",)) and changed_topics(commit) & record.topics]
+    return [
+        commit for commit in later if not commit.startswith(passed or ("-",)) and changed_topics(commit) & record.topics
+    ]
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -27,7 +27,6 @@ HASHED = ("position", "velocity", "density", "pressure", "mass", "phase", "parti
 def shortened(path: Path, precision: str, particles: int, steps: int) -> Any:
     """Return a case that runs about so many steps with at most so many particles, and measures nothing."""
     import warpsph
-
     try:
         from warpsph.running.preview import estimate
     except ImportError:  # commits before the rooms

@@ -397,7 +397,9 @@ def sample(model: Any, energy_of: Any, contour_of: Any) -> dict[str, Any]:
         "finite": True,
         "time": snapshot.time,
         "step": snapshot.step,
-        "speed": [float(speed[snapshot.phase == phase].max(initial=0.0)) for phase in range(len(model.case.phases))],
+        "speed": [
+            float(speed[snapshot.phase == phase].max(initial=0.0)) for phase in range(len(model.case.phases))
+        ],
         "energy": {name: energies[name] for name in ("kinetic", "potential", "elastic")} | {"surface": surface},
         "mean_velocity": (mass @ np.asarray(snapshot.velocity, np.float64) / mass.sum()).tolist(),
         "strays": strays,

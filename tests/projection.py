@@ -75,7 +75,9 @@ def reflect(x, code, lower, upper):
 
 def codes_of(kinds):
     """Return the codes of all images that sides of these kinds make, 0 (none) first."""
-    per_axis = [[0] + [side + 1 for side in (0, 1) if kinds[2 * axis + side] != NO_WALL] for axis in range(len(kinds) // 2)]
+    per_axis = [
+        [0] + [side + 1 for side in (0, 1) if kinds[2 * axis + side] != NO_WALL] for axis in range(len(kinds) // 2)
+    ]
     return sorted(sum(digit << (2 * axis) for axis, digit in enumerate(choice)) for choice in itertools.product(*per_axis))
 
 

@@ -76,4 +76,6 @@ FULL: dict[str, Any] = {
 def case_of(scene: dict[str, Any], **changes: Any) -> Case:
     """Return the case of a scene, changed by dotted path, with __ for the dot: `numerics__skin=0.1`."""
     case = Case.from_dict(copy.deepcopy(scene))
-    return case.replace({path.replace("__", "."): value for path, value in changes.items()}) if changes else case
+    return (
+        case.replace({path.replace("__", "."): value for path, value in changes.items()}) if changes else case
+    )

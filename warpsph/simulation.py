@@ -260,7 +260,9 @@ class Simulation:
             WallTimeReached: the `wall_time` is over; the state is in a checkpoint.
         """
         if self.folder is not None and self.summary:
-            raise WarpsphError(f"{self.folder.path}: this run is over; make a new Simulation with restart= to go on")
+            raise WarpsphError(
+                f"{self.folder.path}: this run is over; make a new Simulation with restart= to go on"
+            )
         begin = time.perf_counter()
         if self.summary:
             self._deadline = begin + self._wall_time
@@ -420,7 +422,6 @@ class Simulation:
 
     def _attributes(self) -> dict[str, Any]:
         from warpsph import __version__
-
         return {
             "version": __version__,
             "case": dump_case(self.case),
@@ -458,7 +459,9 @@ class Simulation:
             if self.folder is None:
                 return
             seconds = self.summary["wall_seconds"]
-            self.folder.log(f"{status}: t = {self.model.time:.6g} s, {self.model.steps} steps, {seconds:.2f} s")
+            self.folder.log(
+                f"{status}: t = {self.model.time:.6g} s, {self.model.steps} steps, {seconds:.2f} s"
+            )
             for line in format_comparison(list(self.summary["errors"].values())):
                 self.folder.log(line)
             if failure is not None:

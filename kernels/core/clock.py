@@ -152,8 +152,8 @@ def make_advance(precision: str) -> Any:
                 maxima[slot * MAXIMA + 2] = real(SEED) * o2
                 maxima[slot * MAXIMA + 3] = real(SEED) * s2
             # what the step just done added to the motion that the last check of the list could not foresee
-            clock[DRIFT_SPEED] = clock[DRIFT_SPEED] + clock[ACCELERATION] * wp.float64(0.5) * (
-                clock[STEP] + clock[LAST_STEP]
+            clock[DRIFT_SPEED] = (
+                clock[DRIFT_SPEED] + clock[ACCELERATION] * wp.float64(0.5) * (clock[STEP] + clock[LAST_STEP])
             )
             clock[DRIFT] = clock[DRIFT] + clock[DRIFT_SPEED] * clock[STEP] + clock[SHIFT]
             clock[SPEED] = wp.sqrt(wp.float64(v2))

@@ -34,7 +34,12 @@ def make_eos(precision: str) -> Any:
                         real(1.0)
                         + s
                         * ((g - real(4.0)) / real(5.0))
-                        * (real(1.0) + s * ((g - real(5.0)) / real(6.0)) * (real(1.0) + s * ((g - real(6.0)) / real(7.0))))
+                        * (
+                            real(1.0)
+                            + s
+                            * ((g - real(5.0)) / real(6.0))
+                            * (real(1.0) + s * ((g - real(6.0)) / real(7.0)))
+                        )
                     )
                 )
             )

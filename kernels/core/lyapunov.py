@@ -1,6 +1,6 @@
 """Backward finite-time Lyapunov exponents on the particles, from where they were (theory: lyapunov#backward).
 
-ln(sigma)/age, sigma the largest singular value of grad X
+    ln(sigma)/age, sigma the largest singular value of grad X
 """
 
 import functools

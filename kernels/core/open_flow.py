@@ -320,7 +320,7 @@ def make_buffer(spec: Spec) -> Any:
 def make_sponge(spec: Spec) -> Any:
     """Return the kernel of the layers inside of open sides that draw the flow to what is given there (theory: riemann#open).
 
-    a -= s (c/L) (1 - x/L)^2 (v - v_given),  the density likewise where a pressure is given; x: distance to the side
+        a -= s (c/L) (1 - x/L)^2 (v - v_given),  the density likewise where a pressure is given; x: distance to the side
     """
     real, vec, _, _ = types_of(spec)
     Phase = make_phase(spec.precision)

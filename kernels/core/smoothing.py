@@ -157,7 +157,6 @@ def make_smoothing(name: str, precision: str) -> tuple[Any, Any]:
             return result
 
     elif name == "gaussian":
-
         @wp.func
         def shape(q: real):
             return wp.max(wp.exp(-q * q) - wp.exp(real(-9.0)), real(0.0))

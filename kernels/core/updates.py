@@ -97,7 +97,9 @@ def make_place(spec: Spec) -> Any:
     vec = types_of(spec).vec
 
     @wp.kernel(module="unique", enable_backward=False)
-    def place(first: int, anchor: wp.array(dtype=vec), offset: wp.array(dtype=vec), position: wp.array(dtype=vec)):
+    def place(
+        first: int, anchor: wp.array(dtype=vec), offset: wp.array(dtype=vec), position: wp.array(dtype=vec)
+    ):
         i = wp.tid() + first
         position[i] = anchor[i] + offset[i]
 

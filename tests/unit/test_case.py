@@ -184,7 +184,9 @@ def test_default_output_can_be_switched_off():
     assert case.replace({"output.particles.interval": 0.5}).output.particles.interval == 0.5
 
 
-@pytest.mark.parametrize("written", [0.1, "1/10", "0.1", "0.2*0.5", " 1e-1 ", np.float32(0.1), np.float64(0.1)])
+@pytest.mark.parametrize(
+    "written", [0.1, "1/10", "0.1", "0.2*0.5", " 1e-1 ", np.float32(0.1), np.float64(0.1)]
+)
 def test_numbers_may_be_arithmetic(written):
     assert Case.from_dict(small(particle_spacing=written)).spacing == pytest.approx(0.1)
 
@@ -497,7 +499,8 @@ def test_an_interface_to_compare_with(output):
         ({"numerics": {"room_rate": 1}}, "numerics.room_rate", "closed or periodic"),
         (IN_3D | {"gravity": [0, 0]}, "gravity", "needs 3 numbers"),
         (
-            IN_3D | {"fluids": [{"phase": "water", "shape": {"polygon": {"points": [[0, 0], [1, 0], [0, 1]]}}}]},
+            IN_3D
+            | {"fluids": [{"phase": "water", "shape": {"polygon": {"points": [[0, 0], [1, 0], [0, 1]]}}}]},
             "fluids.0.shape.polygon",
             "dimension: 2",
         ),
@@ -590,7 +593,9 @@ def test_wording():
     problems = problems_of(
         small(domain={"lower": [1], "upper": [1, 1]}, numerics={"curant": 1}, courant=1, phases={"water": {}})
     )
-    assert str(problems["domain.lower"]) == ("domain.lower: [1] -> needs 2 numbers (dimension: 2); write e.g. lower: [0, 0]")
+    assert str(problems["domain.lower"]) == (
+        "domain.lower: [1] -> needs 2 numbers (dimension: 2); write e.g. lower: [0, 0]"
+    )
     assert problems["numerics.curant"].remedy == "did you mean courant?"
     assert "numerics.courant" in problems["courant"].remedy
     assert str(problems["phases.water.density"]) == (
@@ -751,7 +756,9 @@ def test_schema():
     json.dumps(schema)
     assert set(schema["properties"]) == set(read_yaml(FULL))
     assert schema["additionalProperties"] is False
-    assert {"dimension", "particle_spacing", "end_time", "domain", "phases", "fluids"} == set(schema["required"])
+    assert {"dimension", "particle_spacing", "end_time", "domain", "phases", "fluids"} == set(
+        schema["required"]
+    )
     assert "from" in schema["$defs"]["LineGauge"]["properties"]
     assert "<" not in "".join(schema["$defs"]["AxisBoundary"])
 
@@ -904,7 +911,9 @@ def test_entries_of_reference_and_gauges_can_be_taken_out(full: Case, folder: Pa
 
 def test_problems_have_line_and_column(folder: Path):
     path = folder / "full.yaml"
-    path.write_text(FULL.replace("lower: [-1, -1]", "lower: [-1]").replace("seed: 7", "sed: 7"), encoding="utf-8")
+    path.write_text(
+        FULL.replace("lower: [-1, -1]", "lower: [-1]").replace("seed: 7", "sed: 7"), encoding="utf-8"
+    )
     with pytest.raises(CaseError) as caught:
         load_case(path, ["gravity=[1]"])
     places = {p.path: (p.line, p.column) for p in caught.value.problems}
@@ -942,7 +951,13 @@ def test_saved_case_is_the_same_case(full: Case, folder: Path, tmp_path_factory)
         save_case(full, folder)
 
 
-scalars = st.none() | st.booleans() | st.integers(-(10**9), 10**9) | st.floats(allow_nan=False) | st.text(max_size=12)
+scalars = (
+    st.none()
+    | st.booleans()
+    | st.integers(-(10**9), 10**9)
+    | st.floats(allow_nan=False)
+    | st.text(max_size=12)
+)
 tricky = st.sampled_from(
     "1e3 0o7 0x1F ~ null yes no on true .inf 1_000 2/52 2024-01-01 1:30 é".split()
     + "- #x *a &a !t @ ` % ' \" [ { a,b \\ = <<".split()
@@ -956,7 +971,9 @@ tricky = st.sampled_from(
         st.text(min_size=1, max_size=5) | tricky,
         st.recursive(
             scalars | tricky,
-            lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=4) | tricky, inner, max_size=3),
+            lambda inner: (
+                st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=4) | tricky, inner, max_size=3)
+            ),
             max_leaves=6,
         ),
         max_size=3,

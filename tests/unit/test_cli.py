@@ -170,7 +170,9 @@ def test_progress_on_a_terminal_draws_a_bar(monkeypatch, capsys):
     monkeypatch.setenv("TERM", "xterm")
     monkeypatch.setenv("COLUMNS", "150")
     with progress.progress_display() as show_progress:
-        show_progress(SimpleNamespace(time=1.0, end_time=2.0, step=70, dt=1e-3, mups=2.5, share=0.5, seconds_left=61))
+        show_progress(
+            SimpleNamespace(time=1.0, end_time=2.0, step=70, dt=1e-3, mups=2.5, share=0.5, seconds_left=61)
+        )
     out = capsys.readouterr().out
     for part in ("1 / 2 s", "50%", "step 70", "2.5 Mups", "1 min 01 s left"):
         assert part in out
@@ -250,7 +252,9 @@ def test_an_empty_output_folder_is_taken(command, case, simulation):
     assert command("run", case, "--output", "empty")[0] == 0
 
 
-@pytest.mark.parametrize("given", ["runs/drop", "runs/drop/checkpoint", "runs/drop/checkpoint/step_000000001.h5"])
+@pytest.mark.parametrize(
+    "given", ["runs/drop", "runs/drop/checkpoint", "runs/drop/checkpoint/step_000000001.h5"]
+)
 def test_restart_goes_on_in_the_folder_of_the_run(command, case, simulation, given):
     checkpoint = Path("runs/drop/checkpoint/step_000000001.h5")
     checkpoint.parent.mkdir(parents=True)

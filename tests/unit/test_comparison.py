@@ -63,7 +63,9 @@ def one(case, run=None, **options):
 def run(tmp_path):
     """A run folder with hand-made gauges: kinetic = 2 t, gas = 3 + t, liquid = 1."""
     times = [k / 10 for k in range(11)]
-    write_gauge(tmp_path, "energy", "time [s],kinetic [J/m]\n" + "".join(f"{time},{2 * time}\n" for time in times))
+    write_gauge(
+        tmp_path, "energy", "time [s],kinetic [J/m]\n" + "".join(f"{time},{2 * time}\n" for time in times)
+    )
     write_gauge(
         tmp_path,
         "jump",
@@ -457,7 +459,9 @@ def test_curve_rows_may_be_out_of_order_or_empty(run):
 
 
 def test_curve_that_cannot_be_compared(run):
-    assert one(curve_case(run, "5000,1,\n6000,1,\n"), run)["note"].startswith("not reached: the reference begins at 5 s")
+    assert one(curve_case(run, "5000,1,\n6000,1,\n"), run)["note"].startswith(
+        "not reached: the reference begins at 5 s"
+    )
     assert "peak value is 0" in one(curve_case(run, "0,0,\n1000,0,\n"), run)["note"]
     assert "0 everywhere" in one(curve_case(run, "0,0,\n1000,0,\n", relative_to="pointwise"), run)["note"]
     case = curve_case(run, LINE)

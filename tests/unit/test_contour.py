@@ -139,7 +139,9 @@ def test_the_amount_does_not_depend_on_the_volumes_of_the_particles():
     position, phase = box_with_walls(spacing, 0.1)
     phase[(phase == 0) & (from_centre(position) < 0.3)] = 1
     for volume in (spacing**2, 1.05 * spacing**2):  # both phases say 5 % too much: the places have not changed
-        shares = shares_of_phases(position, np.full(len(position), volume), phase, 2, (0, 0), (1, 1), CLOSED, spacing)
+        shares = shares_of_phases(
+            position, np.full(len(position), volume), phase, 2, (0, 0), (1, 1), CLOSED, spacing
+        )
         assert shares[1].amount == pytest.approx((phase == 1).sum() * spacing**2, rel=2e-3)
 
 

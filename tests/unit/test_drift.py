@@ -129,7 +129,9 @@ def test_the_box_moves_on_with_its_start_velocity(device):
     # the correction of the viscous term looks at the list, skin and all, and so at when it was built
     inviscid = {"phases.light.viscosity": 0, "phases.heavy.viscosity": 0}
     changes = {"numerics.maximum_step": step, "scales.velocity": 0.6, **inviscid}
-    still, moving = (prepared(changes | {"start.velocity": list(velocity)}, device) for velocity in (0 * frame, frame))
+    still, moving = (
+        prepared(changes | {"start.velocity": list(velocity)}, device) for velocity in (0 * frame, frame)
+    )
     before = still.snapshot()
     for model in (still, moving):
         model.stepper.run(100.0, steps)

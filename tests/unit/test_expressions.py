@@ -228,7 +228,9 @@ def test_hostile_powers_cost_nothing():
 
 
 ALPHABET = [*FUNCTIONS, " "]
-ALPHABET += "x y z t r pi e 1 2.5 1e3 0 and or not if else lambda , ( ) [ ] . + - * / ** // % < == ^ :=".split()
+ALPHABET += (
+    "x y z t r pi e 1 2.5 1e3 0 and or not if else lambda , ( ) [ ] . + - * / ** // % < == ^ :=".split()
+)
 
 
 @settings(max_examples=400, deadline=None, derandomize=True)

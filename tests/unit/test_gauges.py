@@ -298,7 +298,8 @@ def test_phase_pressure_is_weighted_with_the_volume():
 def test_every_pair_of_phases_has_a_column():
     phases = {name: {"density": 1.0} for name in ("a", "b", "c")}
     fluids = [
-        {"phase": name, "shape": {"box": {"lower": [k / 4, 0], "upper": [(k + 1) / 4, 1]}}} for k, name in enumerate(phases)
+        {"phase": name, "shape": {"box": {"lower": [k / 4, 0], "upper": [(k + 1) / 4, 1]}}}
+        for k, name in enumerate(phases)
     ]
     case = make_case({"p": {"type": "phase_pressure", "interval": 0.1}}, phases=phases, fluids=fluids)
     columns = [column.name for column in GaugeSet(case).gauges["p"].columns]
@@ -689,7 +690,9 @@ def test_samples_give_a_row_a_point(tmp_path):
         with pytest.raises(WarpsphError, match="gauges.probe.*does not sample 'pressure'"):
             gauges.record(make_snapshot([[0, 0]], at=0.2))
     assert (tmp_path / "probe.csv").read_text() == (
-        "time [s],x [m],y [m],pressure [Pa]\n0.0,0.0,0.0,1.0\n0.0,0.5,0.25,2.0\n0.1,0.0,0.0,1.1\n0.1,0.5,0.25,2.1\n"
+        "time [s],x [m],y [m],pressure [Pa]\n"
+        "0.0,0.0,0.0,1.0\n0.0,0.5,0.25,2.0\n"
+        "0.1,0.0,0.0,1.1\n0.1,0.5,0.25,2.1\n"
     )
     columns, units = read_gauge(tmp_path / "profile.csv")
     assert list(columns) == ["time", "x", "y", "velocity_x", "velocity_y", "density"]

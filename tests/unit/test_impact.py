@@ -228,7 +228,7 @@ def test_a_heavy_particle_among_light_ones_comes_to_balance_without_overshoot(de
     )  # fmt: skip
     step = 0.5 * bench.h / 10.0
     rate = bench.density_rate(step=step)[heavy]
-    change = rate * step * fluids[1].density * fluids[1].sound_speed ** 2  # of the pressure, which is 1 Pa above the others
+    change = rate * step * fluids[1].density * fluids[1].sound_speed**2  # of the pressure, which is 1 Pa above the others
     assert -1.51 < change < -1.0
     slow = bench.density_rate(step=0.01 * step)[heavy]
     assert slow == pytest.approx(2.0 * rate, rel=0.05), "unbounded the Riemann problem of so unlike media is twice as stiff"

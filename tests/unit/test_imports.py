@@ -119,7 +119,9 @@ def test_no_heavy_import_at_module_level(path):
 @pytest.mark.parametrize("path", [path for room in LIGHT_ROOMS for path in room_of(room)], ids=identify)
 def test_output_knows_no_scheme_and_no_kernel(path):
     found = imports(path)
-    assert not {entry for entry in found if within(entry, "warpsph.schemes") or within(entry, "warpsph.kernels")}
+    assert not {
+        entry for entry in found if within(entry, "warpsph.schemes") or within(entry, "warpsph.kernels")
+    }
 
 
 @pytest.mark.parametrize("path", [path for room in ("case", *LIGHT_ROOMS) for path in room_of(room)], ids=identify)

@@ -138,7 +138,9 @@ def test_momentum_of_a_periodic_box(device):
     """
     noise = {"start__noise": 0.1, "end_time": 1.0, "numerics__maximum_step": 0.005, "phases__water__viscosity": 1e-16}
     for formulation, most in (("improved", 5e-3), ("paper", 1e-12)):
-        simulation = start(VORTICES, device=device, numerics__formulation=formulation, numerics__shifting=HARDLY, **noise)
+        simulation = start(
+            VORTICES, device=device, numerics__formulation=formulation, numerics__shifting=HARDLY, **noise
+        )
         before = simulation.state
         state = steps(simulation, 10)
         lost = ((state.velocity - before.velocity) * state.mass[:, None]).sum(axis=0)

@@ -89,18 +89,10 @@ REFUSED = {
         "slide",
     ),
     "key of the other scheme": (
-        {"numerics": {"scheme": "isph", "interface_force": 0.1}},
-        "numerics.interface_force",
-        "0.1",
-        "riemann",
-        "delete",
+        {"numerics": {"scheme": "isph", "interface_force": 0.1}}, "numerics.interface_force", "0.1", "riemann", "delete",
     ),
     "key of this scheme": (
-        {"numerics": {"scheme": "riemann", "time_order": 1}},
-        "numerics.time_order",
-        "1",
-        "isph",
-        "delete",
+        {"numerics": {"scheme": "riemann", "time_order": 1}}, "numerics.time_order", "1", "isph", "delete",
     ),
     "time order": ({"numerics": {"scheme": "isph", "time_order": 3}}, "numerics.time_order", "3", "", ""),
     "solver": ({"numerics": {"scheme": "isph", "solver": "gauss"}}, "numerics.solver", "gauss", "", "cg"),
@@ -118,7 +110,9 @@ def test_refused_with_a_remedy(name):
     assert text.startswith(key) and value in text and rule in text and remedy in text
 
 
-@pytest.mark.parametrize("precision, tolerance", [("float32", 1e-10), ("float64", 1e-12)], ids=["float32", "float64"])
+@pytest.mark.parametrize(
+    "precision, tolerance", [("float32", 1e-10), ("float64", 1e-12)], ids=["float32", "float64"]
+)
 def test_the_tightest_tolerance_is_accepted(precision, tolerance, device):
     simulation = start(TANK, device=device, precision=precision, numerics__tolerance=tolerance).run()
     assert simulation.summary["status"] == "finished"

@@ -113,7 +113,6 @@ def test_ridges_of_the_double_gyre(device):
 
 # schemes --------------------------------------------------------------------------------------------------------
 
-
 @pytest.mark.parametrize("numerics", [
     {"scheme": "riemann"}, {"scheme": "delta_plus"}, {"scheme": "delta_plus", "integrator": "rk4"}, {"scheme": "isph"},
 ])  # fmt: skip

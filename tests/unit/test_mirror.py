@@ -65,7 +65,9 @@ def test_an_image_is_seen_from_both_ends(name, device):
 
 
 def test_a_single_particle_in_a_corner_sees_itself_three_times(device):
-    bench = Stages(open_spec(), [[0.04, 0.05]], spacing=SPACING, kinds=[NO_SLIP] * 4, lower=0.0, upper=1.0, device=device)
+    bench = Stages(
+        open_spec(), [[0.04, 0.05]], spacing=SPACING, kinds=[NO_SLIP] * 4, lower=0.0, upper=1.0, device=device
+    )
     assert bench.entries() == {(0, 0, 0b01), (0, 0, 0b0100), (0, 0, 0b0101)}
     away = Stages(open_spec(), [[0.5, 0.5]], spacing=SPACING, kinds=[NO_SLIP] * 4, lower=0.0, upper=1.0, device=device)
     assert away.entries() == set()

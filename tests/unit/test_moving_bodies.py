@@ -104,6 +104,7 @@ def test_the_centre_of_a_torque_moves_with_its_body(scheme):
     assert abs(forces["wall_torque_z tank"]) < 1e-4 * np.hypot(forces["wall_force_x tank"], forces["wall_force_y tank"])
 
 
+
 @pytest.mark.parametrize("scheme", ["riemann", "isph"])
 def test_fluid_is_at_rest_in_a_tank_that_turns_and_is_carried(scheme):
     state = run(case_of(copy.deepcopy(TANK), numerics={"scheme": scheme}), threads=1).state

@@ -155,6 +155,7 @@ class HeatGauge(Gauge):
         return [float(np.average(temperature, weights=fluid.volume)), float(temperature.max())]
 
 
+
 @pytest.fixture(autouse=True, scope="module")
 def known():
     """The scheme and the gauge, for the tests of this file."""

@@ -409,16 +409,12 @@ def pressure_errors(count, device):
     bench = Stages(periodic_spec(), x, spacing=dx, fluids=(WATER,), lower=0.0, upper=1.0, device=device)
     bench.look()
     p = np.cos(2 * np.pi * x[:, 0]) * np.cos(2 * np.pi * x[:, 1])
-    slope = (
-        -2
-        * np.pi
-        * np.stack(
-            [
-                np.sin(2 * np.pi * x[:, 0]) * np.cos(2 * np.pi * x[:, 1]),
-                np.cos(2 * np.pi * x[:, 0]) * np.sin(2 * np.pi * x[:, 1]),
-            ],
-            axis=1,
-        )
+    slope = -2 * np.pi * np.stack(
+        [
+            np.sin(2 * np.pi * x[:, 0]) * np.cos(2 * np.pi * x[:, 1]),
+            np.cos(2 * np.pi * x[:, 0]) * np.sin(2 * np.pi * x[:, 1]),
+        ],
+        axis=1,
     )
     # (beta dt/rho) grad p, whose divergence is that of p
     bench.put("velocity_star", slope / WATER.density)

@@ -174,7 +174,9 @@ def test_a_table_is_written_and_checked(checkout, tmp_path, monkeypatch, capsys)
     assert "docs/accuracy.md: run python scripts/write_tables.py" in capsys.readouterr().err
     assert write_tables.main([]) == 0
     text = (tmp_path / "docs" / "accuracy.md").read_text()
-    assert text == ("before\n<!-- table: one -->\n\n| a | b |\n| --- | ---: |\n| x\\|y | 1 |\n\n<!-- end table -->\nafter\n")
+    assert text == (
+        "before\n<!-- table: one -->\n\n| a | b |\n| --- | ---: |\n| x\\|y | 1 |\n\n<!-- end table -->\nafter\n"
+    )
     assert write_tables.main(["--check"]) == 0 and write_tables.main([]) == 0
     assert (tmp_path / "docs" / "accuracy.md").read_text() == text
 

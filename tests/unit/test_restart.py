@@ -17,7 +17,9 @@ from warpsph.kernels.core import clock as ck
 SCENES = {"periodic": PERIODIC, "full": FULL}
 
 
-@pytest.fixture(scope="module", params=["periodic-float32", "periodic-float64", "full-float32", "full-float64"])
+@pytest.fixture(
+    scope="module", params=["periodic-float32", "periodic-float64", "full-float32", "full-float64"]
+)
 def scene(request):
     name, precision = request.param.split("-")
     return case_of(SCENES[name], precision=precision)
@@ -189,7 +191,9 @@ def test_nothing_is_cut_if_the_restart_fails(drop, tmp_path):
 
 def test_in_memory_alone(drop):
     simulation = Simulation(case_of(FULL), restart=drop, threads=1)
-    np.testing.assert_array_equal(simulation.state.position, Simulation(case_of(FULL), restart=drop).state.position)
+    np.testing.assert_array_equal(
+        simulation.state.position, Simulation(case_of(FULL), restart=drop).state.position
+    )
     assert simulation.run().summary["status"] == "finished"
 
 

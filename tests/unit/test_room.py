@@ -72,7 +72,9 @@ def test_relaxation_towards_the_room(dimension, device):
     rng = np.random.default_rng(1)
     volume = SPACING**dimension * rng.uniform(0.9, 1.1, len(x))
     spec = dataclasses.replace(BASE, dimension=dimension, periodic=(False,) * dimension)
-    bench = Bench(spec, x, spacing=SPACING, velocity=x @ strain.T, volume=volume, shifting=0.0, room=0.7, device=device)
+    bench = Bench(
+        spec, x, spacing=SPACING, velocity=x @ strain.T, volume=volume, shifting=0.0, room=0.7, device=device
+    )
     bench.prepare()
     dt, radius = 1e-6, bench.support
     d2 = ((x[:, None] - x[None]) ** 2).sum(axis=2)
@@ -111,7 +113,9 @@ def test_walls_take_room(device):
     spec = dataclasses.replace(BASE, walls=True)
     x = sites[~is_wall]
     velocity = np.stack([2.0 * x[:, 1], -2.0 * x[:, 0]], axis=1)
-    bench = Bench(spec, x, spacing=SPACING, velocity=velocity, walls=sites[is_wall], shifting=0.0, room=1.0, device=device)
+    bench = Bench(
+        spec, x, spacing=SPACING, velocity=velocity, walls=sites[is_wall], shifting=0.0, room=1.0, device=device
+    )
     bench.prepare()
     rate = change_of_density(bench, 1e-6) / 1e-6
     # of the sum over a square lattice 2e-5 is missing; |grad v| is smaller at a slip wall, which has no part in it

@@ -22,10 +22,7 @@ ROOMS = {
     "state": ("warpsph.snapshot", "warpsph.start"),
     "kernels": ("warpsph.kernels",),
     "kernels of schemes": (
-        "warpsph.kernels.delta",
-        "warpsph.kernels.gas",
-        "warpsph.kernels.isph",
-        "warpsph.kernels.linear",
+        "warpsph.kernels.delta", "warpsph.kernels.gas", "warpsph.kernels.isph", "warpsph.kernels.linear",
         "warpsph.kernels.riemann",
     ),
     "engine": ("warpsph.engine",),

@@ -167,7 +167,11 @@ def test_progress(monkeypatch):
     assert [p.step for p in told] == sorted(p.step for p in told)
     last = told[-1]
     assert last.time == pytest.approx(0.2) and last.end_time == 0.2 and last.share == pytest.approx(1)
-    assert last.step == result.summary["steps"] and last.dt > 0 and last.seconds_left == pytest.approx(0, abs=1e-6)
+    assert (
+        last.step == result.summary["steps"]
+        and last.dt > 0
+        and last.seconds_left == pytest.approx(0, abs=1e-6)
+    )
 
 
 def test_second_run_goes_nowhere(done):
@@ -212,7 +216,11 @@ def test_summary(done):
     assert 0 < summary["bytes_per_particle"] <= 200 + 60  # copies of all sorted fields at once, in a scene as small as this
     decay = summary["errors"]["decay"]
     last = read_gauge(done.folder.path / "gauges" / "energy.csv")[0]["kinetic"][-1]
-    assert decay["value"] == last and decay["reference"] == 0.1 and decay["error"] == pytest.approx(last / 0.1 - 1)
+    assert (
+        decay["value"] == last
+        and decay["reference"] == 0.1
+        and decay["error"] == pytest.approx(last / 0.1 - 1)
+    )
     assert summary["errors"]["late"]["value"] is None and summary["errors"]["late"]["note"]
 
 

@@ -127,7 +127,9 @@ def test_surface_energy_of_three_phases_is_that_of_their_lines(stress):
     """Disc half in the heavy phase: two half circles and what they leave of the straight line, each with its tension."""
     case = Case.from_dict(stress.lens(stress.Point(density_ratio=10.0)))
     lengths = {("heavy", "light"): 0.5, ("heavy", "oil"): math.pi / 4, ("light", "oil"): math.pi / 4}
-    lines = {f"perimeter {name}": sum(length for pair, length in lengths.items() if name in pair) for name in case.phases}
+    lines = {
+        f"perimeter {name}": sum(length for pair, length in lengths.items() if name in pair) for name in case.phases
+    }
     expected = 0.5 * 1.0 + math.pi / 4 * (0.8 + 0.6)
     assert stress.surface_energy(case.surface_tension, lines) == pytest.approx(expected)
     assert stress.SCENES["lens"].energy(stress.Point()) == pytest.approx(expected)

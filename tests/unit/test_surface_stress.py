@@ -90,7 +90,9 @@ def test_a_fluid_at_rest_presses_with_its_depth():
     level = s["pressure"] + 9810.0 * s["y"]
     assert np.abs(level - level.mean()).max() < 0.01 * 9810.0
     assert np.abs(s["shear"]).max() < 0.01 * 9810.0 * 0.15
-    force = [(s["length"] * (s[f"friction_{axis}"] - s["pressure"] * s[f"normal_{axis}"])).sum() for axis in "xy"]
+    force = [
+        (s["length"] * (s[f"friction_{axis}"] - s["pressure"] * s[f"normal_{axis}"])).sum() for axis in "xy"
+    ]
     assert force == pytest.approx([found["f"][f"force_{axis} c"][-1] for axis in "xy"], rel=1e-6, abs=1e-6 * 9810.0)
     assert s["length"].sum() == pytest.approx(2 * math.pi * 0.15, rel=1e-3)
 

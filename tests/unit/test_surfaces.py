@@ -33,16 +33,12 @@ def brute_distance(corners, points):
     return distance, np.abs(turn.sum(axis=1)) > np.pi
 
 
-polygons = (
-    st.integers(3, 9)
-    .flatmap(
-        lambda n: st.tuples(
-            st.permutations([k for k in range(24)]).map(lambda order: sorted(order[:n])),
-            st.lists(st.floats(0.3, 1.0), min_size=n, max_size=n),
-        )
+polygons = st.integers(3, 9).flatmap(
+    lambda n: st.tuples(
+        st.permutations([k for k in range(24)]).map(lambda order: sorted(order[:n])),
+        st.lists(st.floats(0.3, 1.0), min_size=n, max_size=n),
     )
-    .map(lambda pair: star(np.array(pair[0]) * (2 * math.pi / 24), pair[1]))
-)
+).map(lambda pair: star(np.array(pair[0]) * (2 * math.pi / 24), pair[1]))
 around = [p for p in np.random.default_rng(1).uniform(-1.2, 1.2, (60, 2))]
 
 

@@ -64,16 +64,22 @@ class Case(CaseModel):
     """A complete, validated, immutable description of a run. SI units throughout."""
 
     title: StrictStr = Field(default="", description="one line for people", examples=['"my case"'])
-    description: StrictStr = Field(default="", description="longer text for people", examples=['"what to look at"'])
+    description: StrictStr = Field(
+        default="", description="longer text for people", examples=['"what to look at"']
+    )
     dimension: Annotated[Literal[1, 2, 3], ChoiceRule()] = Field(
         description="number of space dimensions; 1 with scheme: gas alone", examples=["2"]
     )
-    particle_spacing: PositiveNumber = Field(description="distance of particles at the start, m", examples=["0.01"])
+    particle_spacing: PositiveNumber = Field(
+        description="distance of particles at the start, m", examples=["0.01"]
+    )
     end_time: PositiveNumber = Field(description="simulated time at which the run ends, s", examples=["1.0"])
     precision: Annotated[Literal["float32", "float64"], ChoiceRule()] = Field(
         default="float32", description="floating point numbers of the computation", examples=["float32"]
     )
-    domain: Domain = Field(description="the box in which the particles live", examples=["{lower: [0, 0], upper: [1, 1]}"])
+    domain: Domain = Field(
+        description="the box in which the particles live", examples=["{lower: [0, 0], upper: [1, 1]}"]
+    )
     gravity: SignalVector = Field(
         default=(), description="gravity, m/s^2; may depend on time (default zero)", examples=["[0, -9.81]"]
     )
@@ -103,11 +109,15 @@ class Case(CaseModel):
         examples=["{cylinder: {shape: {sphere: {center: [0, 0], radius: 1}}}}"],
     )
     start: Start = Field(default_factory=Start, description="state at time 0", examples=["{noise: 0.2}"])
-    scales: Scales = Field(default_factory=Scales, description="what the flow will see", examples=["{velocity: 1}"])
+    scales: Scales = Field(
+        default_factory=Scales, description="what the flow will see", examples=["{velocity: 1}"]
+    )
     numerics: Annotated[NumericsBase, ByScheme()] = Field(
         default_factory=default_numerics, description="how it is computed", examples=["{skin: 0.1}"]
     )
-    output: Output = Field(default_factory=Output, description="files", examples=["{particles: {interval: 0.1}}"])
+    output: Output = Field(
+        default_factory=Output, description="files", examples=["{particles: {interval: 0.1}}"]
+    )
     gauges: Annotated[Mapping[Name, Gauge], FreezeMapping()] = Field(
         default_factory=FrozenDict,
         description="time series by name",
@@ -128,7 +138,9 @@ class Case(CaseModel):
 
     @model_validator(mode="wrap")
     @classmethod
-    def _all_problems_at_once(cls, value: Any, handler: ModelWrapValidatorHandler[Self], info: ValidationInfo) -> Self:
+    def _all_problems_at_once(
+        cls, value: Any, handler: ModelWrapValidatorHandler[Self], info: ValidationInfo
+    ) -> Self:
         if isinstance(value, Case):
             return handler(value)
         context = info.context if isinstance(info.context, Mapping) else {}
@@ -321,7 +333,9 @@ class Case(CaseModel):
     @property
     def has_walls(self) -> bool:
         """Whether there are wall particles: a wall at a side, or a body."""
-        return bool(self.bodies) or any("wall" in (axis.lower.kind, axis.upper.kind) for axis in self.sides)
+        return bool(self.bodies) or any(
+            "wall" in (axis.lower.kind, axis.upper.kind) for axis in self.sides
+        )
 
     @property
     def has_open_sides(self) -> bool:

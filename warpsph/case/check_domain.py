@@ -90,7 +90,9 @@ def _check_axis(case: Any, raw: Any, position: int) -> Problems:
     boundary = getattr(case.domain.boundary, axis)
     dimension = case.dimension
     written = dig(raw, "domain", "boundary", axis)
-    apart = isinstance(written, AxisBoundary) or bool(isinstance(written, Mapping) and {"lower", "upper"} & written.keys())
+    apart = isinstance(written, AxisBoundary) or bool(
+        isinstance(written, Mapping) and {"lower", "upper"} & written.keys()
+    )
     for name in ("lower", "upper") if apart else ("lower",):
         side = getattr(boundary, name)
         path = f"domain.boundary.{axis}.{name}.velocity" if apart else f"domain.boundary.{axis}.velocity"
@@ -107,7 +109,9 @@ def _check_axis(case: Any, raw: Any, position: int) -> Problems:
         if extent is not None:
             ratio = case.numerics.smoothing_ratio
             spacing = case.particle_spacing
-            support = (_AUTO_SUPPORT if ratio == "auto" else ratio * SUPPORT_RATIO[case.numerics.kernel]) * spacing
+            support = (
+                _AUTO_SUPPORT if ratio == "auto" else ratio * SUPPORT_RATIO[case.numerics.kernel]
+            ) * spacing
             if extent[position] < 2 * support * (1 - 1e-9):
                 yield Problem(
                     f"domain.boundary.{axis}",

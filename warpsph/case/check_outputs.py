@@ -47,7 +47,9 @@ def check_interface_fields(case: Any, path: str, fields: Sequence[str]) -> Probl
     """Normals and curvature exist only with surface tension."""
     wanted = [name for name in fields if name in _INTERFACE_FIELDS]
     if wanted and len(case.surface_tension) == 0:
-        yield Problem(path, list(fields), f"{', '.join(wanted)} needs surface_tension", "delete it from the list")
+        yield Problem(
+            path, list(fields), f"{', '.join(wanted)} needs surface_tension", "delete it from the list"
+        )
 
 
 def check_gauges(case: Any, _folder: Path | None, _raw: Any) -> Problems:
@@ -59,11 +61,15 @@ def _check_gauge(case: Any, name: Any, gauge: Any) -> Problems:
     yield from guarded(check_often(case, f"{path}.interval", lambda: gauge))
     if gauge.type == "wall_force":
         if not case.has_walls:
-            yield Problem(f"{path}.type", gauge.type, "needs a wall or a body", "delete the gauge or add a wall")
+            yield Problem(
+                f"{path}.type", gauge.type, "needs a wall or a body", "delete the gauge or add a wall"
+            )
         if gauge.pivot is not None:
             yield from guarded(check_length(case.dimension, f"{path}.pivot", gauge.pivot))
             if not case.bodies:
-                yield Problem(f"{path}.pivot", list(gauge.pivot), "needs bodies: torque is that on bodies", "delete it")
+                yield Problem(
+                    f"{path}.pivot", list(gauge.pivot), "needs bodies: torque is that on bodies", "delete it"
+                )
     elif gauge.type == "force_coefficients":
         yield from guarded(check_coefficients(case, path, gauge))
     elif gauge.type == "surface_stress":
@@ -101,7 +107,9 @@ def _check_gauge(case: Any, name: Any, gauge: Any) -> Problems:
         yield from guarded(check_length(case.dimension, f"{path}.from", gauge.from_))
         yield from guarded(check_length(case.dimension, f"{path}.to", gauge.to))
         if gauge.from_ == gauge.to:
-            yield Problem(f"{path}.to", list(gauge.to), "is the same point as from", "use a gauge of type points")
+            yield Problem(
+                f"{path}.to", list(gauge.to), "is the same point as from", "use a gauge of type points"
+            )
         yield from check_interface_fields(case, f"{path}.fields", gauge.fields)
 
 
@@ -172,10 +180,8 @@ def _check_face(case: Any, path: str, gauge: Any, position: int, point: Sequence
         lower, upper = case.domain.lower[k], case.domain.upper[k]
         first, last = point[k] - reach[k], point[k] + reach[k]
         slack = 1e-9 * extent[k]
-        if (
-            reach[k] > 0
-            and not getattr(case.domain.boundary, axis).periodic
-            and not (lower - slack <= first and last <= upper + slack)
+        if reach[k] > 0 and not getattr(case.domain.boundary, axis).periodic and not (
+            lower - slack <= first and last <= upper + slack
         ):
             rule = f"its area reaches from {axis} = {first:.4g} to {last:.4g} m, the domain from {lower:g} to {upper:g} m"
             yield Problem(where, list(point), rule, "move the point, or lower area")

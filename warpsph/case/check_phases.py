@@ -31,7 +31,9 @@ def check_phases(case: Any, _folder: Path | None, _raw: Any) -> Problems:
         return
     for name in case.phases:
         if isinstance(name, str) and NAME.fullmatch(name) and name not in used:
-            yield Problem(f"phases.{name}", MISSING, "is the phase of no fluid", "add a region to fluids or delete it")
+            yield Problem(
+                f"phases.{name}", MISSING, "is the phase of no fluid", "add a region to fluids or delete it"
+            )
 
 
 def check_tension(case: Any, _folder: Path | None, _raw: Any) -> Problems:
@@ -133,13 +135,18 @@ def _check_shape(case: Any, path: str, owner: Any) -> Problems:
             yield Problem(path, MISSING, "a polygon needs dimension: 2", "use box, sphere or where")
             return
         if len(points) < 3:
-            yield Problem(f"{path}.points", [list(point) for point in points], "needs at least 3 corners", "add some")
+            yield Problem(
+                f"{path}.points", [list(point) for point in points], "needs at least 3 corners", "add some"
+            )
             return
         for position, point in enumerate(points):
             yield from check_length(dimension, f"{path}.points.{position}", point)
         if all(len(point) == 2 for point in points):
             box = [min(p[k] for p in points) for k in (0, 1)], [max(p[k] for p in points) for k in (0, 1)]
-            area = sum(p[0] * q[1] - q[0] * p[1] for p, q in zip(points, (*points[1:], points[0]), strict=True)) / 2
+            area = (
+                sum(p[0] * q[1] - q[0] * p[1] for p, q in zip(points, (*points[1:], points[0]), strict=True))
+                / 2
+            )
             if abs(area) <= 1e-12 * (box[1][0] - box[0][0]) * (box[1][1] - box[0][1]):
                 yield Problem(
                     f"{path}.points",
@@ -154,7 +161,9 @@ def _check_shape(case: Any, path: str, owner: Any) -> Problems:
         return
     for k, axis in enumerate(AXES[:dimension]):
         if box[0][k] >= case.domain.upper[k] or box[1][k] <= case.domain.lower[k]:
-            yield Problem(path, MISSING, f"lies outside the domain along {axis}", "move it or enlarge the domain")
+            yield Problem(
+                path, MISSING, f"lies outside the domain along {axis}", "move it or enlarge the domain"
+            )
 
 
 def check_start(case: Any, _folder: Path | None, _raw: Any) -> Problems:

@@ -38,10 +38,14 @@ def _check_reference(case: Any, folder: Path | None, raw: Any, name: Any, refere
         return
     if isinstance(reference, ReferenceCurve):
         curve = reference.curve
-        yield from _check_file(folder, f"{path}.curve", curve.file, {"time": curve.time, "value": curve.value})
+        yield from _check_file(
+            folder, f"{path}.curve", curve.file, {"time": curve.time, "value": curve.value}
+        )
     if isinstance(reference, ReferenceCurves):
         curves = reference.curves
-        columns = {"position": curves.position} | {f"columns.{t:g}": column for t, column in curves.columns.items()}
+        columns = {"position": curves.position} | {
+            f"columns.{t:g}": column for t, column in curves.columns.items()
+        }
         yield from _check_file(folder, f"{path}.curves", curves.file, columns)
     if reference.gauge not in list(case.gauges):
         known = [str(key) for key in case.gauges]
@@ -148,10 +152,14 @@ def _check_exact(case: Any, raw: Any, path: str, reference: ReferenceExact) -> P
         return
     field = "velocity" if reference.field == "speed" else reference.field
     if field not in case.output.particles.fields:
-        yield Problem(f"{path}.field", reference.field, f"needs {field} in output.particles.fields", "add it there")
+        yield Problem(
+            f"{path}.field", reference.field, f"needs {field} in output.particles.fields", "add it there"
+        )
 
 
-def _check_interface(case: Any, folder: Path | None, raw: Any, path: str, reference: ReferenceInterface) -> Problems:
+def _check_interface(
+    case: Any, folder: Path | None, raw: Any, path: str, reference: ReferenceInterface
+) -> Problems:
     line = reference.interface
     if case.dimension != 2:
         yield Problem(path, MISSING, "an interface needs dimension: 2", "compare with value or curve")
@@ -199,7 +207,9 @@ def _check_file(folder: Path | None, path: str, name: str, columns: Mapping[str,
         with file.open(encoding="utf-8-sig", newline="") as stream:
             header = [cell.strip() for cell in next(csv.reader([stream.readline(1_000_000)]), [])]
     except (OSError, ValueError, csv.Error) as error:
-        yield Problem(f"{path}.file", name, f"cannot be read ({type(error).__name__})", "name a CSV text file")
+        yield Problem(
+            f"{path}.file", name, f"cannot be read ({type(error).__name__})", "name a CSV text file"
+        )
         return
     for key, column in columns.items():
         if column not in header:

@@ -30,7 +30,9 @@ def check_length(dimension: int, path: str, vector: Sequence[Any]) -> Problems:
     """A vector has one entry an axis (an empty one is a default that is filled in later)."""
     if vector and len(vector) != dimension:
         key = path.split(".")[-1]
-        example = f"write e.g. {key}: {[0] * dimension}" if not key.isdecimal() else f"write e.g. {[0] * dimension}"
+        example = (
+            f"write e.g. {key}: {[0] * dimension}" if not key.isdecimal() else f"write e.g. {[0] * dimension}"
+        )
         yield Problem(path, texts(vector), f"needs {dimension} numbers (dimension: {dimension})", example)
 
 
@@ -58,7 +60,9 @@ def extent_of(case: Any) -> list[float] | None:
 
 def known_phase(case: Any, path: str, name: str) -> Problems:
     if name not in list(case.phases):
-        yield Problem(path, name, "is not one of the phases", suggestion(name, [str(key) for key in case.phases]))
+        yield Problem(
+            path, name, "is not one of the phases", suggestion(name, [str(key) for key in case.phases])
+        )
 
 
 def check_names(case: Any, path: str, formula: Any) -> Problems:

@@ -44,6 +44,7 @@ _CHECKS: tuple[Callable[[Any, Path | None, Any], Problems], ...] = (
     check_phases,
     check_tension,
     check_fluids,
+
     check_bodies,
     check_start,
     check_numerics,

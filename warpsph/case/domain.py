@@ -31,14 +31,20 @@ class Side(CaseModel):
 
     opaque: ClassVar[bool] = True
 
-    wall: WallKind | None = Field(description="no_slip or free_slip wall; nothing on an open or periodic side")
+    wall: WallKind | None = Field(
+        description="no_slip or free_slip wall; nothing on an open or periodic side"
+    )
     velocity: SignalVector = Field(
         default=(),
         description="velocity of the wall within its own plane, m/s; may depend on time (default zero)",
         examples=["[1, 0]"],
     )
-    inlet: Inlet | None = Field(default=None, description="fluid comes in here", examples=["{velocity: [1, 0]}"])
-    outlet: Outlet | None = Field(default=None, description="fluid goes out here", examples=["{pressure: 0}"])
+    inlet: Inlet | None = Field(
+        default=None, description="fluid comes in here", examples=["{velocity: [1, 0]}"]
+    )
+    outlet: Outlet | None = Field(
+        default=None, description="fluid goes out here", examples=["{pressure: 0}"]
+    )
     _periodic: bool = PrivateAttr(default=False)
 
     @model_validator(mode="wrap")
@@ -146,7 +152,9 @@ class AxisBoundary(CaseModel):
         return lower if lower == upper else {"lower": lower, "upper": upper}
 
     @classmethod
-    def __get_pydantic_json_schema__(cls, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+    def __get_pydantic_json_schema__(
+        cls, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
         wall = {
             "type": "object",
             "properties": {
@@ -173,8 +181,12 @@ class AxisBoundary(CaseModel):
 class Boundary(CaseModel):
     """What happens at the sides, per axis: periodic | wall | open | free_slip, or lower and upper apart."""
 
-    x: AxisBoundary = Field(default_factory=AxisBoundary, description="sides across the x axis", examples=["wall"])
-    y: AxisBoundary = Field(default_factory=AxisBoundary, description="sides across the y axis", examples=["wall"])
+    x: AxisBoundary = Field(
+        default_factory=AxisBoundary, description="sides across the x axis", examples=["wall"]
+    )
+    y: AxisBoundary = Field(
+        default_factory=AxisBoundary, description="sides across the y axis", examples=["wall"]
+    )
     z: AxisBoundary = Field(
         default_factory=AxisBoundary, description="sides across the z axis (3-D only)", examples=["wall"]
     )

@@ -28,7 +28,9 @@ class _UnknownValue:
 
     __getattr__ = __iter__ = __len__ = __bool__ = __getitem__ = __contains__ = __float__ = __int__ = _skip
     __eq__ = __ne__ = __lt__ = __le__ = __gt__ = __ge__ = __hash__ = _skip
-    __add__ = __radd__ = __sub__ = __rsub__ = __mul__ = __rmul__ = __truediv__ = __rtruediv__ = __neg__ = _skip
+    __add__ = __radd__ = __sub__ = __rsub__ = __mul__ = __rmul__ = __truediv__ = __rtruediv__ = __neg__ = (
+        _skip
+    )
     __index__ = __abs__ = __str__ = __repr__ = __format__ = _skip
 
 
@@ -89,7 +91,9 @@ def _draft_value(adapter: TypeAdapter[Any], annotation: Any, raw: Any) -> Any:
         pass
     if isinstance(raw, Mapping) and isinstance(raw.get("type"), str):
         # Parts of a faulty gauge can be read once its type is known.
-        annotation = next((member for tag, member in members(annotation) if tag == f"<{raw['type']}>"), annotation)
+        annotation = next(
+            (member for tag, member in members(annotation) if tag == f"<{raw['type']}>"), annotation
+        )
     if is_model(annotation):
         return draft(annotation.model_for(raw), raw) if isinstance(raw, Mapping) and not annotation.opaque else _UNKNOWN
     arguments = get_args(annotation)

@@ -110,10 +110,14 @@ class Expression:
         kind = np.bool_ if self.is_condition else np.float64
         result: NDArray[Any] = np.array(np.broadcast_to(np.asarray(raw, dtype=kind), shape))
         if finite and not self.is_condition and not np.all(np.isfinite(result)):
-            raise ExpressionError(self.text, self._where_not_finite(result, points), "change the formula there")
+            raise ExpressionError(
+                self.text, self._where_not_finite(result, points), "change the formula there"
+            )
         return result
 
-    def _where_not_finite(self, result: NDArray[np.float64], points: Mapping[str, NDArray[np.float64]]) -> str:
+    def _where_not_finite(
+        self, result: NDArray[np.float64], points: Mapping[str, NDArray[np.float64]]
+    ) -> str:
         """Text that names the first point at which `result` is not finite."""
         import numpy as np
 
@@ -148,7 +152,9 @@ def _parse(text: str) -> ast.expr:
         raise ExpressionError(text, "is an empty expression", "write a number or a formula")
     for position, character in enumerate(text):
         if not (" " <= character <= "~" or character in "\t\r\n"):
-            raise ExpressionError(text, "has a character that is not plain ASCII", "write pi, *, - and so on", position + 1)
+            raise ExpressionError(
+                text, "has a character that is not plain ASCII", "write pi, *, - and so on", position + 1
+            )
         if character in "#'\"\\;`$?":
             raise ExpressionError(text, f"has {character} in a formula", "delete it", position + 1)
     # Line ends inside a folded YAML text are blanks; replacing one for one keeps the columns right.
@@ -234,7 +240,9 @@ class _Checker:
                 raise self.fail(node, "uses a dot name", "write sin(...), not np.sin(...)")
             case ast.Tuple():
                 raise self.fail(node, "has a comma outside a function", "write 0.5, not 0,5; lists in [ ]")
-        raise self.fail(node, "has something that is not arithmetic", "use numbers, names, + - * / ** and functions")
+        raise self.fail(
+            node, "has something that is not arithmetic", "use numbers, names, + - * / ** and functions"
+        )
 
     def check_constant(self, node: ast.expr, value: object) -> None:
         if isinstance(value, bool) or not isinstance(value, int | float):
@@ -258,13 +266,19 @@ class _Checker:
         self, node: ast.expr, func: ast.expr, args: list[ast.expr], keywords: list[ast.keyword], depth: int
     ) -> bool:
         if not isinstance(func, ast.Name):
-            remedy = "write sin(...), not np.sin(...)" if isinstance(func, ast.Attribute) else "write * to multiply"
+            remedy = (
+                "write sin(...), not np.sin(...)"
+                if isinstance(func, ast.Attribute)
+                else "write * to multiply"
+            )
             raise self.fail(node, "calls something that is not a function", remedy)
         name = func.id
         if name not in FUNCTIONS:
             if name in self.names or name in self.constants:
                 raise self.fail(node, f"calls {name}, which is a number", f"write {name} * (...)")
-            raise self.fail(func, f"has the unknown function {_short(name)}", self.suggest(name, list(FUNCTIONS)))
+            raise self.fail(
+                func, f"has the unknown function {_short(name)}", self.suggest(name, list(FUNCTIONS))
+            )
         if keywords or any(isinstance(arg, ast.Starred) for arg in args) or len(args) != FUNCTIONS[name]:
             count = FUNCTIONS[name]
             raise self.fail(

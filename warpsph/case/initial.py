@@ -72,4 +72,6 @@ class Scales(CaseModel):
 
     velocity: _AutoScale = Field(default="auto", description="largest speed, m/s", examples=["1"])
     length: _AutoScale = Field(default="auto", description="length of the flow, m", examples=["1"])
-    pressure: _AutoScale = Field(default="auto", description="largest pressure difference, Pa", examples=["1000"])
+    pressure: _AutoScale = Field(
+        default="auto", description="largest pressure difference, Pa", examples=["1000"]
+    )

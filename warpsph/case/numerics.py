@@ -64,9 +64,9 @@ class NumericsBase(CaseModel):
     viscosity_form: Annotated[Literal["auto", "morris", "radial", "paper"], ChoiceRule()] = Field(
         default="auto", description="viscous term", examples=["auto"]
     )
-    kernel: Annotated[Literal["wendland_c2", "wendland_c4", "wendland_c6", "cubic", "quintic", "gaussian"], ChoiceRule()] = (
-        Field(default="wendland_c2", description="smoothing kernel", examples=["wendland_c2"])
-    )
+    kernel: Annotated[
+        Literal["wendland_c2", "wendland_c4", "wendland_c6", "cubic", "quintic", "gaussian"], ChoiceRule()
+    ] = Field(default="wendland_c2", description="smoothing kernel", examples=["wendland_c2"])
     smoothing_ratio: Annotated[float | Auto, NumberRule(least=0.8, most=4, auto=True)] = Field(
         default="auto", description="smoothing length h divided by particle_spacing", examples=["1.5"]
     )

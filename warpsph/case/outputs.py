@@ -29,8 +29,12 @@ PARTICLE_FIELDS = (
 class Timed(CaseModel):
     """Something that happens every `interval` or at given `times`; exactly one of both."""
 
-    interval: PositiveNumber | None = Field(default=None, description="time between outputs, s", examples=["0.1"])
-    times: Times | None = Field(default=None, description="times of the outputs, s, rising", examples=["[0.1, 0.2]"])
+    interval: PositiveNumber | None = Field(
+        default=None, description="time between outputs, s", examples=["0.1"]
+    )
+    times: Times | None = Field(
+        default=None, description="times of the outputs, s, rising", examples=["[0.1, 0.2]"]
+    )
 
     @model_validator(mode="wrap")
     @classmethod
@@ -38,7 +42,9 @@ class Timed(CaseModel):
         if isinstance(value, Mapping):
             for key in ("interval", "times"):
                 if key in value and value[key] is None:
-                    raise bad_value(f"{key} has no value", f"write e.g. {key}: {example(cls.model_fields[key])}")
+                    raise bad_value(
+                        f"{key} has no value", f"write e.g. {key}: {example(cls.model_fields[key])}"
+                    )
         result = handler(value)
         if (result.interval is None) == (result.times is None):
             # A misspelt key has been reported by the handler before this is reached.
@@ -50,10 +56,12 @@ class Timed(CaseModel):
 class ParticleOutput(Timed):
     """Particle files."""
 
-    fields: Annotated[tuple[str, ...], field_list(PARTICLE_FIELDS), schema_of_fields(PARTICLE_FIELDS)] = Field(
-        default=("velocity", "density", "pressure", "mass", "phase"),
-        description="fields to write",
-        examples=["[velocity, pressure]"],
+    fields: Annotated[tuple[str, ...], field_list(PARTICLE_FIELDS), schema_of_fields(PARTICLE_FIELDS)] = (
+        Field(
+            default=("velocity", "density", "pressure", "mass", "phase"),
+            description="fields to write",
+            examples=["[velocity, pressure]"],
+        )
     )
     compress: bool = Field(default=False, description="compress the files with zlib, without loss", examples=["true"])
 

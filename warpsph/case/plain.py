@@ -66,7 +66,9 @@ def set_path(data: Any, path: str, value: Any) -> None:
     """
     keys = path.split(".")
     if not all(keys):
-        raise CaseError([Problem(path or "(override)", value, "needs a dotted path such as a.b=c", "name every step")])
+        raise CaseError(
+            [Problem(path or "(override)", value, "needs a dotted path such as a.b=c", "name every step")]
+        )
     here = data
     if len(keys) == 2 and keys[0] in _REMOVABLE and (value is None or (isinstance(value, str) and value == "none")):
         entries = data.get(keys[0]) if isinstance(data, dict) else None

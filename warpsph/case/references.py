@@ -31,8 +31,12 @@ from warpsph.errors import short
 
 
 class _Reference(CaseModel):
-    allowed: PositiveNumber | None = Field(default=None, description="largest acceptable relative error", examples=["0.03"])
-    source: StrictStr | None = Field(default=None, description="where the reference comes from", examples=["Yang 2019"])
+    allowed: PositiveNumber | None = Field(
+        default=None, description="largest acceptable relative error", examples=["0.03"]
+    )
+    source: StrictStr | None = Field(
+        default=None, description="where the reference comes from", examples=["Yang 2019"]
+    )
 
 
 _Norm = Annotated[Literal["max", "rms", "final"], ChoiceRule()]
@@ -50,7 +54,9 @@ class ReferenceValue(_Reference):
     """One number derived from a gauge's column, against a reference number."""
 
     gauge: Name = Field(description="name of a gauge", examples=["energy"])
-    column: StrictStr = Field(description="column of the gauge, or arithmetic of columns", examples=["kinetic"])
+    column: StrictStr = Field(
+        description="column of the gauge, or arithmetic of columns", examples=["kinetic"]
+    )
     reduce: Annotated[
         Literal[
             "mean", "max", "min", "final", "rms", "farthest", "change", "period",
@@ -98,14 +104,18 @@ class Curve(CaseModel):
     time: StrictStr = Field(description="name of its time column", examples=["t_s"])
     value: StrictStr = Field(description="name of its value column", examples=["kinetic"])
     scale: Number = Field(default=1.0, description="factor on the value column", examples=["1"])
-    time_scale: PositiveNumber = Field(default=1.0, description="factor that turns its time into s", examples=["1"])
+    time_scale: PositiveNumber = Field(
+        default=1.0, description="factor that turns its time into s", examples=["1"]
+    )
 
 
 class ReferenceCurve(_Reference):
     """A gauge's column against a curve over time."""
 
     gauge: Name = Field(description="name of a gauge", examples=["energy"])
-    column: StrictStr = Field(description="column of the gauge, or arithmetic of columns", examples=["kinetic"])
+    column: StrictStr = Field(
+        description="column of the gauge, or arithmetic of columns", examples=["kinetic"]
+    )
     curve: Curve = Field(description="the reference curve", examples=["{file: x.csv, time: t_s, value: KE}"])
     window: _Window | None = Field(
         default=None,
@@ -211,7 +221,9 @@ def _one_or_many(value: Any) -> Any:
 class ReferenceExact(_Reference):
     """A field of the particles against a formula."""
 
-    particles: Annotated[Literal["last"], ChoiceRule()] = Field(description="which particle file", examples=["last"])
+    particles: Annotated[Literal["last"], ChoiceRule()] = Field(
+        description="which particle file", examples=["last"]
+    )
     field: Annotated[Literal["speed", "velocity", "density", "pressure"], ChoiceRule()] = Field(
         description="the field that is compared", examples=["speed"]
     )
@@ -250,7 +262,9 @@ class ReferenceInterface(_Reference):
         "inside of a closed line, the lower side of one from wall to wall",
         examples=["gas"],
     )
-    interface: InterfaceLine = Field(description="the reference interface", examples=["{file: reference/x.csv, time: 1.0}"])
+    interface: InterfaceLine = Field(
+        description="the reference interface", examples=["{file: reference/x.csv, time: 1.0}"]
+    )
     relative_to: Annotated[Literal["domain", "phase"], ChoiceRule()] = Field(
         default="domain",
         description="what the area on the wrong side is divided by: that of all fluid, or that of the phase",

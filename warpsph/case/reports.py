@@ -114,7 +114,9 @@ def report(error: ValidationError, root: type[CaseModel], raw: Any) -> list[Prob
             rule = "has no value"
             remedy = remedy or "give one or delete the key"
         elif kind in ("model_type", "model_attributes_type", "dict_type", "mapping_type"):
-            rule = "needs a mapping" + (f" with keys among {', '.join(keys_of(model))}" if model is not None else "")
+            rule = "needs a mapping" + (
+                f" with keys among {', '.join(keys_of(model))}" if model is not None else ""
+            )
         elif kind == "too_short":
             rule = f"needs at least {context.get('min_length', 1)} entry"
         elif kind == "string_type":

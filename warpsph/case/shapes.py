@@ -110,8 +110,12 @@ class Shape(CaseModel):
     opaque: ClassVar[bool] = True
     kinds: ClassVar[tuple[str, ...]] = SHAPES
 
-    box: Box | None = Field(default=None, description="axis-parallel box", examples=["{lower: [0, 0], upper: [1, 1]}"])
-    sphere: Sphere | None = Field(default=None, description="ball, disc in 2-D", examples=["{center: [0, 0], radius: 1}"])
+    box: Box | None = Field(
+        default=None, description="axis-parallel box", examples=["{lower: [0, 0], upper: [1, 1]}"]
+    )
+    sphere: Sphere | None = Field(
+        default=None, description="ball, disc in 2-D", examples=["{center: [0, 0], radius: 1}"]
+    )
     polygon: Polygon | None = Field(
         default=None, description="closed polygon (2-D)", examples=["{points: [[0, 0], [1, 0], [0, 1]]}"]
     )
@@ -127,7 +131,9 @@ class Shape(CaseModel):
         options = f"needs exactly one of {', '.join(cls.kinds)} with its numbers, or the word rest"
         if isinstance(value, str):
             if value != "rest":
-                remedy = f"write {{{value}: {{...}}}}" if value in cls.kinds else suggestion(value, [*cls.kinds, "rest"])
+                remedy = (
+                    f"write {{{value}: {{...}}}}" if value in cls.kinds else suggestion(value, [*cls.kinds, "rest"])
+                )
                 raise bad_value(options, remedy)
             return cls.model_construct(**dict.fromkeys(cls.kinds), _fields_set=set())
         if not isinstance(value, Mapping):
@@ -135,11 +141,15 @@ class Shape(CaseModel):
         known = [key for key in value if key in cls.kinds]
         if "rest" in value:
             raise bad_value(options, "write shape: rest")
-        if len(known) > 1 or (not known and not any(difflib.get_close_matches(str(k), cls.kinds) for k in value)):
+        if len(known) > 1 or (
+            not known and not any(difflib.get_close_matches(str(k), cls.kinds) for k in value)
+        ):
             raise bad_value(options)
         for key in known:
             if value[key] is None:
-                raise bad_value(f"{key} has no value", f"write e.g. {{{key}: {example(cls.model_fields[key])}}}")
+                raise bad_value(
+                    f"{key} has no value", f"write e.g. {{{key}: {example(cls.model_fields[key])}}}"
+                )
         return handler(value)
 
     @property
@@ -153,7 +163,9 @@ class Shape(CaseModel):
         return "rest" if kind == "rest" else {kind: getattr(self, kind).model_dump()}
 
     @classmethod
-    def __get_pydantic_json_schema__(cls, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+    def __get_pydantic_json_schema__(
+        cls, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
         inner = handler.resolve_ref_schema(handler(schema))
         parts = {}
         for name, part in inner.get("properties", {}).items():

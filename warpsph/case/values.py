@@ -103,7 +103,9 @@ class NumberRule:
             try:
                 constant = compile_expression(value, names=()).constant
             except ExpressionError as error:
-                raise bad_value(f"needs {self.words()}; the text {error.rule_with_column}", error.remedy) from None
+                raise bad_value(
+                    f"needs {self.words()}; the text {error.rule_with_column}", error.remedy
+                ) from None
             assert constant is not None
             number: float = constant
         elif isinstance(value, bool) or type(value).__name__ in ("bool", "bool_"):
@@ -135,7 +137,9 @@ class NumberRule:
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
         return core_schema.no_info_plain_validator_function(self.validate)
 
-    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+    def __get_pydantic_json_schema__(
+        self, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
         return self.schema()
 
     def schema(self) -> dict[str, Any]:
@@ -233,7 +237,9 @@ class FormulaRule:
         if self.condition and not expression.is_condition:
             raise bad_value(f"needs {wanted}, this is a number", 'compare, e.g. "y < 0.5 + 0.1*sin(x)"')
         if expression.is_condition and not self.condition:
-            raise bad_value(f"needs {wanted}, this is true or false", "use where(condition, value, other_value)")
+            raise bad_value(
+                f"needs {wanted}, this is true or false", "use where(condition, value, other_value)"
+            )
         return expression
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
@@ -241,7 +247,9 @@ class FormulaRule:
             self.validate, serialization=core_schema.plain_serializer_function_ser_schema(formula_text)
         )
 
-    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+    def __get_pydantic_json_schema__(
+        self, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
         text = {"type": "string", "description": f"formula in {', '.join(self.names)}"}
         options: list[dict[str, Any]] = [{**text, "pattern": formula_pattern(self.names)}]
         if not self.condition:
@@ -299,7 +307,9 @@ Number = Annotated[float, NumberRule()]
 PositiveNumber = Annotated[float, NumberRule(above=0)]
 NonNegativeNumber = Annotated[float, NumberRule(least=0)]
 Vector = Annotated[tuple[Number, ...], Field(min_length=1), BeforeValidator(as_list)]
-Times = Annotated[tuple[NonNegativeNumber, ...], Field(min_length=1), BeforeValidator(as_list), AfterValidator(rising)]
+Times = Annotated[
+    tuple[NonNegativeNumber, ...], Field(min_length=1), BeforeValidator(as_list), AfterValidator(rising)
+]
 Name = Annotated[str, BeforeValidator(as_name)]
 Formula = Annotated[Expression, FormulaRule()]
 WallKind = Annotated[Literal["no_slip", "free_slip"], ChoiceRule()]

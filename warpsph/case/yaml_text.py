@@ -229,7 +229,9 @@ class _Builder:
             if isinstance(event, ev.DocumentStartEvent):
                 self.documents += 1
                 if self.documents > 1:
-                    self.stop(self.name, MISSING, "holds several documents", "delete all from --- on", line, column)
+                    self.stop(
+                        self.name, MISSING, "holds several documents", "delete all from --- on", line, column
+                    )
             elif isinstance(event, ev.AliasEvent):
                 self.stop(
                     self.here(),
@@ -328,14 +330,18 @@ def apply_override(data: Any, override: str) -> str:
     path, equals, text = override.partition("=")
     path = path.strip()
     if not equals or not path:
-        raise CaseError([Problem(override or "(override)", MISSING, "needs the form key=value", "write e.g. end_time=2")])
+        raise CaseError(
+            [Problem(override or "(override)", MISSING, "needs the form key=value", "write e.g. end_time=2")]
+        )
     try:
         value = _read(text, path, top_level_mapping=False)
     except CaseError as error:
         # Line and column within an override say nothing.
         raise CaseError([dataclasses.replace(p, line=None, column=None) for p in error.problems]) from None
     if value.problems:
-        raise CaseError([dataclasses.replace(p, path=f"{path}.{p.path}", line=None, column=None) for p in value.problems])
+        raise CaseError(
+            [dataclasses.replace(p, path=f"{path}.{p.path}", line=None, column=None) for p in value.problems]
+        )
     set_path(data, path, value.data)
     return path
 

@@ -13,11 +13,14 @@ from warpsph.cli.options import Precision
 from warpsph.cli.reporting import problem, quieten_warp
 
 if TYPE_CHECKING:
+
     from warpsph.case.case import Case
     from warpsph.errors import Problem
 
 
-def load(path: Path, overrides: list[str] | None, precision: Precision | None = None, end_time: float | None = None) -> Case:
+def load(
+    path: Path, overrides: list[str] | None, precision: Precision | None = None, end_time: float | None = None
+) -> Case:
     """Load a case with the changes of the command line; the named options win over --set."""
     from warpsph.case.case_file import load_case
 
@@ -52,7 +55,11 @@ def output_problems(output: Path | None, restart: Path | None) -> list[Problem]:
 def restart_problems(restart: Path | None) -> list[Problem]:
     if restart is None or restart.exists():
         return []
-    return [problem("--restart", str(restart), "no such file or folder", "name a checkpoint/*.h5 or a run folder")]
+    return [
+        problem(
+            "--restart", str(restart), "no such file or folder", "name a checkpoint/*.h5 or a run folder"
+        )
+    ]
 
 
 _CLOCK = re.compile(r"(?P<h>\d+):(?P<m>[0-5]?\d):(?P<s>[0-5]?\d(?:\.\d*)?)")

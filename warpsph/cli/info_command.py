@@ -36,6 +36,8 @@ def _print_info() -> None:
     for device in warp.get_devices():
         memory = f", {device.total_memory / 2**30:.0f} GiB" if device.is_cuda else ""
         rows.append((f"device {device}", f"{device.name}{memory}"))
-    rows.append(("CPU threads", len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()))
+    rows.append(
+        ("CPU threads", len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count())
+    )
     rows.append(("kernel cache", warp.config.kernel_cache_dir))
     print_table("", ["", ""], rows)

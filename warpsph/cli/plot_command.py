@@ -15,7 +15,9 @@ from warpsph.cli.reporting import problem, reported
 
 def plot(
     folder: Annotated[Path, typer.Argument(metavar="RUN", help="Run folder.", show_default=False)],
-    field: Annotated[str, typer.Option(help="Field to colour the particles by, e.g. speed, velocity_x.")] = "pressure",
+    field: Annotated[
+        str, typer.Option(help="Field to colour the particles by, e.g. speed, velocity_x.")
+    ] = "pressure",
     times: Annotated[
         str | None,
         typer.Option(
@@ -31,7 +33,9 @@ def plot(
     movie: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Write a movie instead: .gif, or .mp4 with ffmpeg.")
     ] = None,
-    fps: Annotated[float | None, typer.Option(metavar="NUMBER", help="Frames a second of the movie (default: 10).")] = None,
+    fps: Annotated[
+        float | None, typer.Option(metavar="NUMBER", help="Frames a second of the movie (default: 10).")
+    ] = None,
     over: Annotated[
         Path | None,
         typer.Option(metavar="FILE.csv", help="Draw segments over the particles; columns x1, y1, x2, y2."),

@@ -70,7 +70,10 @@ def _progress_bar(transient: bool) -> Iterator[_Display]:
         TextColumn("{task.fields[time]}"),
         BarColumn(),
         TaskProgressColumn(),
-        TextColumn("step {task.fields[step]}  dt {task.fields[dt]}  {task.fields[mups]} Mups  {task.fields[left]} left"),
+        TextColumn(
+            "step {task.fields[step]}  dt {task.fields[dt]}  {task.fields[mups]} Mups  "
+            "{task.fields[left]} left"
+        ),
         console=console(),
         transient=transient,
     )

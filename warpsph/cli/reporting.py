@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 if TYPE_CHECKING:
+
     from warpsph.errors import Problem
 
 
@@ -88,7 +89,9 @@ def _write_traceback(folder: Path | None) -> str:
             path.write_text(text, encoding="utf-8")
             return str(path)
     try:
-        with tempfile.NamedTemporaryFile("w", prefix="warpsph-", suffix=".txt", delete=False, encoding="utf-8") as file:
+        with tempfile.NamedTemporaryFile(
+            "w", prefix="warpsph-", suffix=".txt", delete=False, encoding="utf-8"
+        ) as file:
             file.write(text)
             return file.name
     except OSError:

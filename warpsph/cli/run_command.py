@@ -31,7 +31,9 @@ def run(
     device: Annotated[str | None, typer.Option(help="Device to run on: cpu, cuda:0, ...")] = None,
     precision: PrecisionOption = None,
     threads: Annotated[int | None, typer.Option(min=1, help="CPU threads (default: all).")] = None,
-    output: Annotated[Path | None, typer.Option(help="Run folder, new or empty (default: runs/CASE).")] = None,
+    output: Annotated[
+        Path | None, typer.Option(help="Run folder, new or empty (default: runs/CASE).")
+    ] = None,
     overrides: Overrides = None,
     end_time: EndTime = None,
     restart: Annotated[Path | None, typer.Option(help="Checkpoint, or run folder, to continue from.")] = None,
@@ -41,7 +43,9 @@ def run(
             "--wall-time", metavar="TIME", help="Stop with a checkpoint after this time: seconds, 1h30m or HH:MM:SS."
         ),
     ] = None,
-    dry_run: Annotated[bool, typer.Option("--dry-run", help="Check and show the case, do not run it.")] = False,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Check and show the case, do not run it.")
+    ] = False,
     debug: Debug = False,
 ) -> None:
     """Run a case and write its run folder."""

@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
 
+
 def console(width: int = 110) -> Console:
     """Console for stdout; `width` counts where there is no terminal."""
     from rich.console import Console

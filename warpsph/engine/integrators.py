@@ -30,7 +30,9 @@ def work_fields(fields: Sequence[Field]) -> list[Field]:
     return declared
 
 
-def rk4(spec: Spec, advanced: Mapping[str, Field], rates: Sequence[Node], frozen: Sequence[Node] = ()) -> list[Node]:
+def rk4(
+    spec: Spec, advanced: Mapping[str, Field], rates: Sequence[Node], frozen: Sequence[Node] = ()
+) -> list[Node]:
     """Return the nodes of a classical fourth-order Runge-Kutta step, without the clock.
 
     Args:
@@ -49,7 +51,9 @@ def rk4(spec: Spec, advanced: Mapping[str, Field], rates: Sequence[Node], frozen
     return [*nodes, *rates, *_each(spec, advanced, _close, SIXTH), *_places(spec, advanced)]
 
 
-def rk2(spec: Spec, advanced: Mapping[str, Field], rates: Sequence[Node], frozen: Sequence[Node] = ()) -> list[Node]:
+def rk2(
+    spec: Spec, advanced: Mapping[str, Field], rates: Sequence[Node], frozen: Sequence[Node] = ()
+) -> list[Node]:
     """Return the nodes of the midpoint rule, second order; arguments as of `rk4`."""
     return [
         *frozen,

@@ -172,7 +172,9 @@ def walk(nodes: Sequence[Node]) -> Iterator[Node]:
             yield from node.stages
 
 
-def lines(nodes: Sequence[Node], depth: int = 0, changes: Sequence[Stage] = ()) -> Iterator[tuple[int, str, str]]:
+def lines(
+    nodes: Sequence[Node], depth: int = 0, changes: Sequence[Stage] = ()
+) -> Iterator[tuple[int, str, str]]:
     """Yield (depth, name, reason) of each node for people; `changes` of the program stand below its lists."""
     for node in nodes:
         name = node.name if not isinstance(node, Substeps) else f"{node.name} ({node.times} times)"

@@ -136,7 +136,10 @@ class Series:
             '<?xml version="1.0"?>',
             '<VTKFile type="Collection" version="0.1" byte_order="LittleEndian">',
             "<Collection>",
-            *(f'<DataSet timestep="{time!r}" group="" part="0" file={quoteattr(name)}/>' for time, name in self.frames),
+            *(
+                f'<DataSet timestep="{time!r}" group="" part="0" file={quoteattr(name)}/>'
+                for time, name in self.frames
+            ),
             "</Collection>",
             "</VTKFile>",
             "",
@@ -283,7 +286,9 @@ class RunFolder:
         for name in self.fields:
             if name in OPTIONAL_FIELDS and getattr(snapshot, name) is None and name not in self._missing:
                 self._missing.add(name)
-                self.log(f"particle field {name!r} does not exist in this scene and is left out of the output")
+                self.log(
+                    f"particle field {name!r} does not exist in this scene and is left out of the output"
+                )
         fluid, wall = snapshot.fluid, snapshot.wall
         self.series["fluid"].add(
             snapshot.time, lambda path: write_vtp(path, fluid, self.fields, self.precision, self.compress)
@@ -436,7 +441,9 @@ class Writer:
     def __enter__(self) -> Writer:
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
         try:
             self.close()
         except BaseException as write_error:

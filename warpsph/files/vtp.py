@@ -152,7 +152,8 @@ def _head(
         "<FieldData>",
         *field_data,
         "</FieldData>",
-        f'<Piece NumberOfPoints="{count}" NumberOfVerts="{count}" NumberOfLines="0" NumberOfStrips="0" NumberOfPolys="0">',
+        f'<Piece NumberOfPoints="{count}" NumberOfVerts="{count}" NumberOfLines="0" NumberOfStrips="0"'
+        ' NumberOfPolys="0">',
         f'<PointData Scalars="{scalars}"{vectors}>',
         *point_data,
         "</PointData>",

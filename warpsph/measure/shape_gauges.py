@@ -140,7 +140,9 @@ def outline(offset: np.ndarray, spacing: float, modes: int = 8) -> Outline:
     radius = np.maximum(_fourier(theta, modes) @ coefficients + 0.5 * spacing, 0.0)
     orders = np.arange(1, modes + 1)
     cosines, sines = coefficients[1 : modes + 1], coefficients[modes + 1 :]
-    slope = np.cos(np.outer(theta, orders)) @ (orders * sines) - np.sin(np.outer(theta, orders)) @ (orders * cosines)
+    slope = np.cos(np.outer(theta, orders)) @ (orders * sines) - np.sin(np.outer(theta, orders)) @ (
+        orders * cosines
+    )
     # The mean over whole periods is the exact integral of r^2, and all but exact for the length.
     area = math.pi * float(np.mean(radius**2))
     perimeter = 2.0 * math.pi * float(np.mean(np.hypot(radius, slope)))

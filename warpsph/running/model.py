@@ -238,7 +238,7 @@ class Model:
         params.body_force = vec(*map(float, driving))
         params.tiny = (1.0e-6 * h) ** 2
         params.center = vec(*map(float, case.central_force.center if case.central_force else [0.0] * d))
-        params.pull = case.central_force.rate**2 if case.central_force else 0.0
+        params.pull = case.central_force.rate ** 2 if case.central_force else 0.0
         return params
 
     def _phases(self) -> list[Any]:

@@ -38,7 +38,9 @@ def describe(case: CaseLike) -> dict[str, Any]:
         raise refused
     geometry = build(case, support_radius(case))
     physics = derive(case, geometry)
-    known: dict[str, Any] = {f"numerics.{key}": value for key, value in physics.choices.items() if value is not None}
+    known: dict[str, Any] = {
+        f"numerics.{key}": value for key, value in physics.choices.items() if value is not None
+    }
     for name, c in zip(case.phase_names, physics.sound_speed, strict=True):
         known[f"phases.{name}.sound_speed"] = c
     known |= {f"scales.{name}": value for name, value in physics.scales.items() if value > 0}  # 0: nothing is known

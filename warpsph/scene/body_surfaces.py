@@ -123,7 +123,9 @@ def with_images(sampling: Sampling, case: Case, lattice: Lattice, support: float
     return sampling
 
 
-def make_solids(case: Case, lattice: Lattice, support: float, problems: list[Problem], warnings: list[str]) -> list[Solid]:
+def make_solids(
+    case: Case, lattice: Lattice, support: float, problems: list[Problem], warnings: list[str]
+) -> list[Solid]:
     """The bodies of a case, in their order; where two overlap, the first has the particles.
 
     support: reach of the smoothing kernel, m; the layers of boundary particles are as deep, and as far a body sticks out of
@@ -180,7 +182,9 @@ def make_solids(case: Case, lattice: Lattice, support: float, problems: list[Pro
     return solids
 
 
-def _too_thin(path: str, body: Body, found: ThinPlaces, spacing: float, warnings: list[str]) -> Problem | None:
+def _too_thin(
+    path: str, body: Body, found: ThinPlaces, spacing: float, warnings: list[str]
+) -> Problem | None:
     """The problem of a body that is too thin; what is only thin becomes a warning."""
     at = ", ".join(f"{x:g}" for x in found.place)
     told = f"is {found.thickness:.3g} m thick at ({at}), {found.thickness / spacing:.2g} spacings"

@@ -19,7 +19,9 @@ if TYPE_CHECKING:
 FINE = 64  # points in a cell at which the density is added up: a jump is found within 1/64 of a cell
 
 
-def equal_masses(case: Case, lattice: Lattice, fluid: FluidParticles, problems: list[Problem]) -> NDArray[np.float64] | None:
+def equal_masses(
+    case: Case, lattice: Lattice, fluid: FluidParticles, problems: list[Problem]
+) -> NDArray[np.float64] | None:
     """Move the particles along x, in place, and return the volume of each over that of a cell, (n,).
 
     A particle at the share s of the length of the domain goes to where the share s of the mass lies before it. A gas that

@@ -90,7 +90,9 @@ def contains(shape: Shape, points: NDArray[np.float64], spacing: float) -> NDArr
     raise ValueError("`rest` is no shape of its own")
 
 
-def _inside_polygon(x: NDArray[np.float64], y: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.bool_]:
+def _inside_polygon(
+    x: NDArray[np.float64], y: NDArray[np.float64], points: NDArray[np.float64]
+) -> NDArray[np.bool_]:
     """Even-odd test of all sites (x[i], y[j]) in a closed polygon with the corners `points` (k, 2)."""
     # An edge crosses the rows y[j] of its own height once and changes the side of all sites left of the
     # crossing. Marking where they end and summing the marks from the right, modulo 2, costs one visit per

@@ -86,7 +86,9 @@ class Mesh(Surface):
         points, normals, areas = (np.concatenate(parts) for parts in zip(*found, strict=True))
         return points, normals, areas
 
-    def _look(self, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.intp]]:
+    def _look(
+        self, points: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.intp]]:
         """Signed distance (n,), nearest point (n, 3) and the triangle that it is on (n,).
 
         The triangle is found in float32, lengths in sizes of the mesh; the rest is float64.

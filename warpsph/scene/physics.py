@@ -175,7 +175,9 @@ def contact_matrix(case: Case) -> np.ndarray:
     return matrix
 
 
-def flow_scales(case: Case, geometry: Geometry, tension: np.ndarray, filled: bool) -> tuple[dict[str, float], np.ndarray]:
+def flow_scales(
+    case: Case, geometry: Geometry, tension: np.ndarray, filled: bool
+) -> tuple[dict[str, float], np.ndarray]:
     """Return the scales of the flow and the pressure [Pa] that each phase sees.
 
     velocity: largest of start, walls, inlets, channel flow driven by the body force or between given pressures, free fall
@@ -308,3 +310,5 @@ def _dammed_head(case: Case, geometry: Geometry, extent: np.ndarray) -> float:
     held = [not wraps or bool(case.bodies) for wraps in case.periodic]
     forcing = forcing_of(case)
     return float(np.where(held, np.abs(forcing.largest(forcing.body_force)), 0.0) @ extent)
+
+

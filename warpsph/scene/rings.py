@@ -192,7 +192,8 @@ def _border(region: Any) -> list[Any]:
     """All closed lines of the border of a region."""
     import shapely
 
-    return [ring for part in shapely.get_parts(region) if not part.is_empty for ring in (part.exterior, *part.interiors)]
+    return [ring for part in shapely.get_parts(region) if not part.is_empty
+            for ring in (part.exterior, *part.interiors)]
 
 
 def _along(ring: NDArray[np.float64], spacing: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -236,7 +237,9 @@ def _corners(way: NDArray[np.float64], length: NDArray[np.float64], spacing: flo
     return np.array(chosen, dtype=np.intp)
 
 
-def _interpolated(arc: NDArray[np.float64], points: NDArray[np.float64], at: NDArray[np.float64]) -> NDArray[np.float64]:
+def _interpolated(
+    arc: NDArray[np.float64], points: NDArray[np.float64], at: NDArray[np.float64]
+) -> NDArray[np.float64]:
     """Points of a line (k, 2), whose lengths from its start are `arc`, at the lengths `at`."""
     return np.stack([np.interp(at, arc, points[:, k]) for k in range(2)], axis=1)
 

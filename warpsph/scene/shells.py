@@ -141,7 +141,9 @@ def _without_close(points: NDArray[np.float64], spacing: float) -> NDArray[np.fl
     return points[~gone]
 
 
-def _counted_volumes(surface: Surface, rows: Rows, spacing: float, reach: float, layers: int) -> NDArray[np.float64]:
+def _counted_volumes(
+    surface: Surface, rows: Rows, spacing: float, reach: float, layers: int
+) -> NDArray[np.float64]:
     """Volume of each particle: the part of its layer that is nearest to it, counted on a fine grid; m^d.
 
     A body that its layers fill gets its exact volume.

@@ -207,7 +207,9 @@ def _fitted(expression: Expression, parts: _Parts, order: int) -> tuple[NDArray[
     return terms, good
 
 
-def _errors(terms: NDArray[np.float64], exact: NDArray[np.float64], width: NDArray[np.float64]) -> NDArray[np.float64]:
+def _errors(
+    terms: NDArray[np.float64], exact: NDArray[np.float64], width: NDArray[np.float64]
+) -> NDArray[np.float64]:
     """Largest error (3, n) of value, first and second derivative at the points where pieces are tested."""
     since = width[:, None] * TESTED
     found = []
@@ -230,7 +232,9 @@ def _ends(
     return found[0], found[1]
 
 
-def _hermite(left: NDArray[np.float64], right: NDArray[np.float64], width: NDArray[np.float64]) -> NDArray[np.float64]:
+def _hermite(
+    left: NDArray[np.float64], right: NDArray[np.float64], width: NDArray[np.float64]
+) -> NDArray[np.float64]:
     """Quintics (n, TERMS) that have given jets at both ends."""
     w = width
     terms = np.zeros((len(w), TERMS))
@@ -244,7 +248,9 @@ def _hermite(left: NDArray[np.float64], right: NDArray[np.float64], width: NDArr
     return terms
 
 
-def _straight(left: NDArray[np.float64], right: NDArray[np.float64], width: NDArray[np.float64]) -> NDArray[np.float64]:
+def _straight(
+    left: NDArray[np.float64], right: NDArray[np.float64], width: NDArray[np.float64]
+) -> NDArray[np.float64]:
     """Cubics (n, TERMS) with the jet at the left end and the second derivative at the right one."""
     terms = np.zeros((len(width), TERMS))
     terms[:, 0], terms[:, 1], terms[:, 2] = left[0], left[1], 0.5 * left[2]

@@ -125,7 +125,8 @@ def start_pressure(
         return None
     if np.count_nonzero(gravity) > 1:
         warnings.append(
-            f"start.pressure: gravity lies along no axis; the hydrostatic start follows its {AXES[axis]} component only"
+            "start.pressure: gravity lies along no axis; the hydrostatic start follows its "
+            f"{AXES[axis]} component only"
         )
     of_cells = hydrostatic_pressure(density, solid, axis, float(gravity[axis]), lattice.spacing[axis])
     pressure = of_cells[fluid.cells]

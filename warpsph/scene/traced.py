@@ -162,7 +162,9 @@ def _with_corners(points: NDArray[np.float64], cell: float) -> NDArray[np.float6
     return result[~gone]
 
 
-def _traced_mesh(mask: NDArray[np.bool_], origin: NDArray[np.float64], cell: NDArray[np.float64], within: Inside) -> Mesh:
+def _traced_mesh(
+    mask: NDArray[np.bool_], origin: NDArray[np.float64], cell: NDArray[np.float64], within: Inside
+) -> Mesh:
     import pyvista as pv
 
     from warpsph.scene.meshes import Mesh

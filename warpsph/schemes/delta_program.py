@@ -29,7 +29,9 @@ def program(spec: Spec) -> Program:
         measures["wall_load"] = [*signals(spec), *load(spec)]
     if spec.bodies:
         measures["surface_load"] = [*signals(spec), *surface_load(spec)]
-    return Program(step=step(spec), start=start(spec), advance=advance(spec), measures=measures, changes=crossing(spec))
+    return Program(
+        step=step(spec), start=start(spec), advance=advance(spec), measures=measures, changes=crossing(spec)
+    )
 
 
 def step(spec: Spec) -> list[Node]:

@@ -24,9 +24,9 @@ class GasNumerics(NumericsBase):
     viscosity_form: Annotated[Literal["auto"], ChoiceRule()] = Field(
         default="auto", description="the gas has no viscosity of its own; see dissipation", examples=["auto"]
     )
-    kernel: Annotated[Literal["wendland_c2", "wendland_c4", "wendland_c6", "cubic", "quintic", "gaussian"], ChoiceRule()] = (
-        Field(default="cubic", description="smoothing kernel", examples=["cubic"])
-    )
+    kernel: Annotated[
+        Literal["wendland_c2", "wendland_c4", "wendland_c6", "cubic", "quintic", "gaussian"], ChoiceRule()
+    ] = Field(default="cubic", description="smoothing kernel", examples=["cubic"])
     smoothing_ratio: Annotated[float | Auto, NumberRule(least=0.8, most=4, auto=True)] = Field(
         default="auto",
         description="eta of the smoothing length h = eta (m/rho)^(1/d) of each particle. auto: 1 in 1-D, 1.3 in 2-D and 3-D",

@@ -67,6 +67,8 @@ def row_shares(spec: Spec, ratio: float) -> tuple[float, float]:
     return first, second
 
 
+
+
 def _decay(phase: Any, length: float) -> float:
     """Return the time in which friction takes the slowest shear flow to a part in e [s]."""
     return length**2 * phase.density / (math.pi**2 * phase.viscosity)

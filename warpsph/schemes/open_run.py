@@ -147,7 +147,9 @@ def arguments(found: OpenRun, case: Case, geometry: Geometry, physics: Physics, 
     }
 
 
-def _sides(faces: list[Face], case: Case, geometry: Geometry, samples: list[np.ndarray], physics: Physics) -> list[Any]:
+def _sides(
+    faces: list[Face], case: Case, geometry: Geometry, samples: list[np.ndarray], physics: Physics
+) -> list[Any]:
     """Return an `OpenSide` of each face."""
     from warpsph.kernels.core.crossing import make_open_side
 

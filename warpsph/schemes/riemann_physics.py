@@ -106,7 +106,11 @@ def derive(case: Case, geometry: Geometry, row_list: bool = True) -> Physics:
     form = choose(
         "viscosity_form",
         "paper" if paper else "morris" if filled else "radial",
-        "printed form" if paper else "isotropic at any smoothing ratio" if filled else "right damping at a free surface",
+        "printed form"
+        if paper
+        else "isotropic at any smoothing ratio"
+        if filled
+        else "right damping at a free surface",
     )
     tension_form = choose(
         "tension_form", "body_force" if paper else "pressure_jump", "printed form" if paper else "well balanced"
@@ -232,7 +236,9 @@ def derive(case: Case, geometry: Geometry, row_list: bool = True) -> Physics:
     )
 
 
-def needed_sound_speeds(case: Case, scales: dict[str, float], seen: np.ndarray, filled: bool) -> list[float]:
+def needed_sound_speeds(
+    case: Case, scales: dict[str, float], seen: np.ndarray, filled: bool
+) -> list[float]:
     """Return the least sound speed of each phase [m/s] (theory: riemann#a1).
 
     c_k^2 >= max(U^2, p_k/rho_k, 0.01 p_max/rho_k, mu_k U/(rho_k L)) / 0.01, p_k the pressure that phase k sees; p_k / 4

@@ -127,10 +127,8 @@ class EllMatrix:
         width = max(width, 1)
         if width > WIDEST_ROW:
             rule = f"a row of {width} entries is more than the {WIDEST_ROW} that can be counted"
-            raise CapacityError(
-                f"matrix: {rule}; lower numerics.smoothing_ratio or part the clump of particles",
-                key="numerics.smoothing_ratio",
-            )
+            raise CapacityError(f"matrix: {rule}; lower numerics.smoothing_ratio or part the clump of particles",
+                                key="numerics.smoothing_ratio")
         self.columns = self.values = None
         try:
             self.wide = wide or width * self.n > LARGEST_NARROW

@@ -211,7 +211,9 @@ def _value(spec: Any, source: Results) -> dict[str, Any]:
     return {**result, "error": (value - reference) / reference, "note": note}
 
 
-def _one_number(spec: Any, source: Results, times: np.ndarray, values: np.ndarray, unit: str) -> tuple[float, str, str]:
+def _one_number(
+    spec: Any, source: Results, times: np.ndarray, values: np.ndarray, unit: str
+) -> tuple[float, str, str]:
     """One number from the rows of a window, as `reduce` of an entry says, its unit and a note."""
     if spec.reduce in OF_WAVES:
         return of_wave(spec.reduce, times, values, unit, source.case.gauges[spec.gauge])
@@ -289,7 +291,9 @@ def _curve(spec: Any, source: Results) -> dict[str, Any]:
     covered = (times >= known_times[0] - slack) & (times <= known_times[-1] + slack)
     if not covered.any():
         begin, reached = known_times[0], source.end(times)
-        raise NotComparable(f"not reached: the reference begins at {begin:g} s, the run ended at {reached:g} s")
+        raise NotComparable(
+            f"not reached: the reference begins at {begin:g} s, the run ended at {reached:g} s"
+        )
     times, values = times[covered], values[covered]
     reference = np.interp(times, known_times, known)
     if spec.reduce is not None:

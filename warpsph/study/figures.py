@@ -159,7 +159,9 @@ def _interfaces(case: Case, time: float) -> list[np.ndarray]:
     """Segments (n, 2, 2) [m] of the reference interfaces of a time [s]; of each file once."""
     lines = [entry.interface for entry in case.reference.values() if isinstance(entry, ReferenceInterface)]
     here = {line.file: line for line in lines if math.isclose(line.time, time, rel_tol=_SAME_TIME, abs_tol=1e-9)}
-    return [read_segments(case.reference_file(line.file), line.scale, line.offset, line.mirror) for line in here.values()]
+    return [
+        read_segments(case.reference_file(line.file), line.scale, line.offset, line.mirror) for line in here.values()
+    ]
 
 
 # ---- curves ----------------------------------------------------------------------------------------------
@@ -173,7 +175,9 @@ def _panels_of(entries: Sequence[Compared]) -> list[list[Compared]]:
     return list(panels.values())
 
 
-def _draw_panels(figure: FigureBase, panels: list[list[Compared]], results: Mapping[str, Mapping[str, Any]]) -> None:
+def _draw_panels(
+    figure: FigureBase, panels: list[list[Compared]], results: Mapping[str, Mapping[str, Any]]
+) -> None:
     rows = math.ceil(len(panels) / _CURVE_COLUMNS)
     axes = list(figure.subplots(rows, math.ceil(len(panels) / rows), squeeze=False).flat)
     for unused in axes[len(panels) :]:
@@ -322,3 +326,5 @@ def _file_places(data: dict[str, Any]) -> list[tuple[dict[Any, Any], Any]]:
     for reference in (data.get("reference") or {}).values():
         places += [(reference[part], "file") for part in ("curve", "curves", "interface") if part in reference]
     return places
+
+

@@ -109,7 +109,9 @@ class Distance:
 
 def distances(rows: Sequence[Row]) -> list[Distance]:
     """For each finished run of the default form, coarsest first, how far from the front it is."""
-    own = sorted((row for row in rows if row["choice"] == DEFAULT and counts(row)), key=lambda row: -row["particle_spacing"])
+    own = sorted(
+        (row for row in rows if row["choice"] == DEFAULT and counts(row)), key=lambda row: -row["particle_spacing"]
+    )
     return [Distance(row, quickest(rows, row["error"]) or row) for row in own]
 
 

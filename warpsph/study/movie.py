@@ -302,7 +302,9 @@ class _Gif:
         ends = [round(100 * number / self._fps) * 10 for number in range(len(self._frames) + 1)]
         first, *others = self._frames
         durations = [after - before for before, after in zip(ends, ends[1:], strict=False)]
-        first.save(self._file, format="GIF", save_all=True, append_images=others, duration=durations, loop=0, optimize=False)
+        first.save(
+            self._file, format="GIF", save_all=True, append_images=others, duration=durations, loop=0, optimize=False
+        )
         self._file.close()
 
 

@@ -97,7 +97,9 @@ def extreme(times: np.ndarray, values: np.ndarray, highest: bool) -> tuple[float
     return float(candidates[best]), float(found[best])
 
 
-def norm_of(values: np.ndarray, reference: np.ndarray, norm: str, relative_to: str, first: float) -> tuple[float, int]:
+def norm_of(
+    values: np.ndarray, reference: np.ndarray, norm: str, relative_to: str, first: float
+) -> tuple[float, int]:
     """The error as the table of the module defines it, and the place of the largest (`final`: the last)."""
     difference = np.abs(values - reference)
     if relative_to == "pointwise":

@@ -131,7 +131,9 @@ def read_series(folder: Path) -> tuple[Series, Series]:
     return series, walls
 
 
-def choose_frames(frames: list[tuple[float, str]], times: Sequence[float] | slice | None) -> list[tuple[float, str]]:
+def choose_frames(
+    frames: list[tuple[float, str]], times: Sequence[float] | slice | None
+) -> list[tuple[float, str]]:
     """The frames nearest to `times` [s], each once and in order of time; of a slice(T1, T2) all from T1 to T2.
 
     Raises CaseError if a time is before the first frame or after the last one, or no frame is within the slice.
@@ -359,7 +361,9 @@ def set_axes(panel: "Axes", view: View) -> None:
     panel.set_ylabel(f"{_AXES[view.axes[1]]} [m]")
 
 
-def _draw_particles(frames: list[Frame], view: View, field: str, names: list[str], over: np.ndarray | None) -> "Figure":
+def _draw_particles(
+    frames: list[Frame], view: View, field: str, names: list[str], over: np.ndarray | None
+) -> "Figure":
     """One panel a frame, discs as large as the particles, one colour scale for all."""
     fields = [field_of(frame, view, field) for frame in frames]
     scale = scale_of(field, np.concatenate(fields))
@@ -392,7 +396,9 @@ def _draw_profiles(frames: list[Frame], view: View, field: str) -> "Figure":
     return figure
 
 
-def save_frames(frames: list[Frame], field: str, path: Path, names: list[str], slice_axis: str | None = None) -> Path:
+def save_frames(
+    frames: list[Frame], field: str, path: Path, names: list[str], slice_axis: str | None = None
+) -> Path:
     """Draw frames as panels of one picture, a slice of them in 3-D, and return its path; arguments as of `plot_run`.
 
     Raises CaseError if a frame has no such field, OutputError if the file cannot be written.
@@ -619,7 +625,9 @@ def _sample_panels(
                 curves[label] = (times, columns[name][k::count])
         else:
             along = np.linalg.norm(points[:count] - points[0], axis=1)
-            shown = np.unique(np.linspace(0, len(times) - 1, min(len(times), _MOST_CURVES)).round().astype(int))
+            shown = np.unique(
+                np.linspace(0, len(times) - 1, min(len(times), _MOST_CURVES)).round().astype(int)
+            )
             for k in shown:
                 curves[f"t = {times[k]:.4g} s"] = (along, columns[name][k * count : (k + 1) * count])
         x_label = "t [s]" if count <= _MOST_CURVES else "distance along the line [m]"

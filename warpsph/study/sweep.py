@@ -377,7 +377,9 @@ def _simulation(case: Case, task: Task) -> Simulation:
     """The run of a task, set up. Raises WarpsphError."""
     from warpsph.simulation import Simulation
 
-    return Simulation(case, output=_free(task.folder), device=task.device, threads=task.threads, wall_time=task.wall_time)
+    return Simulation(
+        case, output=_free(task.folder), device=task.device, threads=task.threads, wall_time=task.wall_time
+    )
 
 
 def _repeated(case: Case, task: Task, seconds: float, cpu_seconds: float) -> tuple[float, float]:

@@ -1,18 +1,18 @@
 """The file of a sweep: a base case, parameters, how they are combined, and what is measured of each run.
 
-case: shear_drop.yaml            # beside this file
-method: grid                     # grid, list, latin_hypercube, sobol
-parameters:
-  particle_spacing: [1/8, 1/16]            # a key of the case, as with --set
-  Ca: {from: 0.1, to: 0.4, number: 4}      # used in `settings` below: no key of the case itself
-settings:
-  surface_tension.0.coefficient: 1/0.1/{Ca}
-measure:
-  D: {gauge: drop, column: deformation drop, reduce: mean, window: [2, 3]}
-  error: {reference: deformation}
-variants:                                  # each at every point
-  default: {}
-  wide: {numerics.smoothing_ratio: 2.5}
+    case: shear_drop.yaml            # beside this file
+    method: grid                     # grid, list, latin_hypercube, sobol
+    parameters:
+      particle_spacing: [1/8, 1/16]            # a key of the case, as with --set
+      Ca: {from: 0.1, to: 0.4, number: 4}      # used in `settings` below: no key of the case itself
+    settings:
+      surface_tension.0.coefficient: 1/0.1/{Ca}
+    measure:
+      D: {gauge: drop, column: deformation drop, reduce: mean, window: [2, 3]}
+      error: {reference: deformation}
+    variants:                                  # each at every point
+      default: {}
+      wide: {numerics.smoothing_ratio: 2.5}
 """
 
 from __future__ import annotations
@@ -163,9 +163,9 @@ class Sweep(CaseModel):
     seed: Annotated[int, NumberRule(least=0, integer=True)] = Field(
         default=0, description="the same seed gives the same samples", examples=["0"]
     )
-    parameters: Annotated[Mapping[str, _Parameter], FreezeMapping(), BeforeValidator(as_settings), Field(min_length=1)] = (
-        Field(description="dotted key of the case, or a name that settings use -> values", examples=["{end_time: [1, 2]}"])
-    )
+    parameters: Annotated[
+        Mapping[str, _Parameter], FreezeMapping(), BeforeValidator(as_settings), Field(min_length=1)
+    ] = Field(description="dotted key of the case, or a name that settings use -> values", examples=["{end_time: [1, 2]}"])
     settings: Annotated[Mapping[str, Any], FreezeMapping(), BeforeValidator(as_settings)] = Field(
         default_factory=FrozenDict,
         description="dotted key of the case -> value of all runs, with {name} for the value of a parameter",

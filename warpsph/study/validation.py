@@ -150,7 +150,9 @@ def _of_change(problem: Problem, place: str, run: ValidationRun) -> Problem:
     return replace(problem, path=place, rule=f"{problem.path} then {problem.rule}")
 
 
-def plan(level: str, names: Sequence[str] = (), places: Sequence[Path] = (), precision: str | None = None) -> list[Planned]:
+def plan(
+    level: str, names: Sequence[str] = (), places: Sequence[Path] = (), precision: str | None = None
+) -> list[Planned]:
     """The runs of a level, in the order of the case names.
 
     level: one of VALIDATION_LEVELS
@@ -484,7 +486,9 @@ def _side_by_side(
         pool.shutdown(cancel_futures=True)
 
 
-def _execute_apart(run: Planned, folder: Path, device: str, threads: int | None) -> tuple[dict[str, Any], dict[str, Any]]:
+def _execute_apart(
+    run: Planned, folder: Path, device: str, threads: int | None
+) -> tuple[dict[str, Any], dict[str, Any]]:
     """`_execute` in a process of its own; the entry, and what it tells of the machine."""
     from warpsph.running.model import quiet_warp
 
@@ -672,3 +676,5 @@ def problem_lines(table: Table) -> list[str]:
         if row["quantity"] and row["error"] is None and row["note"]:
             lines.append(f"{row['case']} {row['run']}, {row['quantity']}: {row['note']}")
     return lines
+
+
