@@ -73,7 +73,8 @@ def scenes(n: int) -> dict[str, dict[str, Any]]:
     weightless = {**inviscid, "gravity": [0, 0]}
     box = {"lower": [0, 0], "upper": [1, 1], "boundary": {"x": "periodic", "y": "periodic"}}
     periodic = {**weightless, "domain": box}
-    leanest = {**periodic, "numerics": {"smoothing_ratio": 1.25, "pressure_gradient": "conservative"}}
+    least = {"smoothing_ratio": 1.25, "pressure_gradient": "conservative", "disorder_friction": 0}
+    leanest = {**periodic, "numerics": least}
     return {
         "full": full,
         "sigma = 0": no_tension,

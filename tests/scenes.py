@@ -36,7 +36,7 @@ LEAN: dict[str, Any] = {
     **PERIODIC,
     "title": "lean",
     "phases": {"water": {"density": 1.0}},
-    "numerics": {"skin": 0.3, "pressure_gradient": "conservative"},
+    "numerics": {"skin": 0.3, "pressure_gradient": "conservative", "disorder_friction": 0},
 }
 
 # A drop in a box: two phases, tension, walls, gravity, viscosity, corrected gradient, shift.

@@ -54,6 +54,7 @@ class Spec:
         interface_force: pair force that keeps phases apart.
         dissipation: the pressure difference enters the star velocity.
         acoustic_damping: compression and expansion have a viscosity of their own.
+        disorder: disordered velocities have a friction that a smooth flow does not feel (riemann).
         relaxation: the pressure follows a compression in two parts, one of which fades, so that sound dies (riemann).
         free_surface: an axis is open, so that wall pressure never pulls.
         scheme: name of the scheme in the registry.
@@ -116,6 +117,7 @@ class Spec:
     interface_force: bool = False
     dissipation: bool = True
     acoustic_damping: bool = False
+    disorder: bool = False
     relaxation: bool = False
     free_surface: bool = False
     scheme: str = "riemann"

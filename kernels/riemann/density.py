@@ -21,6 +21,7 @@ from warpsph.kernels.core.time_signals import GRAVITY_NOW, make_forcing
 from warpsph.kernels.core.viscosity import make_interface_stress
 
 from .body_flow import make_body_flow
+from .disorder import make_disorder_friction
 from .star import make_carried, make_jump, make_star
 from .three_phases import make_parts_jump
 
@@ -95,6 +96,27 @@ def make_damping(spec: Spec) -> Any:
 
 
 @functools.cache
+def make_bounded(precision: str) -> Any:
+    """Return the `wp.func` bounded(rate, stiffness, alone, own): the rate of the pressures that other phases have a part in.
+
+    A heavy particle among light ones takes their pressure at up to twice the rate of one among its own, c sum |W'| V.
+    Forward Euler bears 2 in a step: what is beyond three quarters of that, and beyond the rate that it would have among its
+    own, is left out. stiffness, alone, own: rates times step at which its pressure follows that of others, would follow its
+    own phase everywhere, and follows its own phase.
+    """
+    real = types(2, precision).real
+
+    @wp.func
+    def bounded(rate: real, stiffness: real, alone: real, own: real):
+        allowed = wp.max(real(STIFFEST) - own, alone)
+        if stiffness > allowed:
+            return rate * (allowed / stiffness)
+        return rate
+
+    return bounded
+
+
+@functools.cache
 def make_continuity(spec: Spec) -> Any:
     """Return the continuity sweep of a `Spec`: reads the old state, writes density excess and new state."""
     real, vec, mat, pair = types_of(spec)
@@ -112,6 +134,7 @@ def make_continuity(spec: Spec) -> Any:
     _, stress_jump = make_interface_stress(spec.dimension, spec.precision)
     linear = spec.bodies and spec.corrected  # exact for a linear velocity and pressure on any arrangement
     rate_at_bodies, sparse = make_body_flow(spec), SPARSE * spec.dimension
+    bounded, uneven = make_bounded(spec.precision), make_disorder_friction(spec)
 
     @wp.kernel(**pair_sweep(spec))
     def continuity(
@@ -143,13 +166,15 @@ def make_continuity(spec: Spec) -> Any:
         density_excess: wp.array(dtype=real),
         state: wp.array(dtype=pair),
         zone: wp.array(dtype=wp.int8),
+        flow_gradient: wp.array(dtype=mat),
+        disorder_speed: wp.array(dtype=real),
+        disorder_force: wp.array(dtype=vec),
     ):
         i = wp.tid() + first
         if wp.static(spec.open_axis >= 0):
             if int(zone[i]) != FLUID:
                 return
-        xi, vi = midway[i], velocity[i]
-        p_i = state_old[i][0]
+        xi, vi, p_i = midway[i], velocity[i], state_old[i][0]
         own = phases[0]
         own_phase = int(0)
         if wp.static(spec.multiphase):
@@ -163,14 +188,13 @@ def make_continuity(spec: Spec) -> Any:
         if wp.static(spec.dissipation and spec.multiphase):
             hardened, softened = hardening(rest_volume[i] / (state_old[i][1] * real(PRESSED)), own.gamma)
             inv_z *= softened
-
         rate = real(0.0)
         blur = real(0.0)  # part of the rate from pressure differences, where sound is damped
         evening = real(0.0)  # part of the rate from pressure differences to other phases
-        stiffness = real(0.0)  # its derivative by the own pressure, over c_i
-        plain_stiffness = real(0.0)  # what it would be among particles of the own phase
-        own_stiffness = real(0.0)  # the same of the pairs of the own phase
+        # its derivative by the own pressure, over c_i; what it would be among the own phase; that of pairs of the own phase
+        stiffness, plain_stiffness, own_stiffness = real(0.0), real(0.0), real(0.0)
         flow, moment = mat(), mat()  # sums of (v_j - v_i) (x) F V x_ij and of -x_ij (x) F V x_ij
+        disordered = vec()  # sum of F V times the friction of disorder
         crowd = real(0.0)  # -sum F V r^2: the dimension inside a fluid, about half of it on a free surface
         k, step = list_begin(i, list_width), list_step(particle_count)
         end = k + int(fluid_neighbours[i]) * step
@@ -198,6 +222,7 @@ def make_continuity(spec: Spec) -> Any:
                         if wp.static(sided):
                             own_stiffness -= f * r
                         rate += f * term
+                        disordered += f * uneven(i, j, vi - velocity[j], d, r, disorder_speed, flow_gradient)
                     else:
                         other = phases[other_phase]
                         if wp.static(spec.gravity):
@@ -246,6 +271,7 @@ def make_continuity(spec: Spec) -> Any:
                 else:
                     term += dp * r * inv_z
             rate += f * term
+            disordered += f * uneven(i, j, vi - velocity[j], d, r, disorder_speed, flow_gradient)
             if wp.static(linear):
                 fd = f * d
                 flow += wp.outer(velocity[j] - vi, fd)
@@ -269,14 +295,8 @@ def make_continuity(spec: Spec) -> Any:
                 moment, params, neighbours, position, boundary_volume, velocity, mirror_velocity, state,
             )  # fmt: skip
         if wp.static(sided):
-            # A heavy particle among light ones takes their pressure at up to twice the rate of one among its own, which is
-            # c sum |W'| V. Forward Euler bears 2 in a step: what is beyond three quarters of that, and beyond the rate that
-            # it would have among its own, is left out.
-            step_rate = real(clock[STEP]) * own.sound_speed * params.dissipation * params.g_norm * hardened
-            allowed = wp.max(real(STIFFEST) - step_rate * softened * own_stiffness, step_rate * softened * plain_stiffness)
-            if step_rate * stiffness > allowed:
-                evening = evening * (allowed / (step_rate * stiffness))
-            rate += evening
+            hard = real(clock[STEP]) * own.sound_speed * params.dissipation * params.g_norm * hardened
+            rate += bounded(evening, hard * stiffness, hard * softened * plain_stiffness, hard * softened * own_stiffness)
 
         s = density_excess[i]
         if wp.static(damps):
@@ -288,6 +308,8 @@ def make_continuity(spec: Spec) -> Any:
             if crowd * params.g_norm < real(sparse):
                 s = wp.max(s, real(0.0))
         density_excess[i] = s
+        if wp.static(spec.disorder):
+            disorder_force[i] = disordered * (params.g_norm * state_old[i][1] / rest_volume[i])
         p = eos(s, own.stiffness, own.gamma) + own.background
         if wp.static(damps):
             p += damped

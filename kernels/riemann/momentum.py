@@ -36,6 +36,7 @@ from warpsph.kernels.core.spec import Spec, curvature_type, pair_sweep, types_of
 from warpsph.kernels.core.time_signals import GRAVITY_NEXT, make_forcing
 from warpsph.kernels.core.viscosity import make_interface_stress, make_viscosity
 
+from .disorder import UNKNOWN, make_disorder_speed
 from .star import make_jump, make_one_sided, make_star
 from .three_phases import make_parts_jump
 
@@ -73,6 +74,7 @@ def make_momentum(spec: Spec) -> Any:
     dimension = float(spec.dimension)
     sided = spec.multiphase and not spec.paper_star
     pulled = sided and spec.viscosity == "morris"  # the other forms have the whole stress in their pairs
+    speed_of_disorder = make_disorder_speed(spec)
     stress_traction, stress_jump = make_interface_stress(spec.dimension, spec.precision)
 
     @wp.func
@@ -124,12 +126,17 @@ def make_momentum(spec: Spec) -> Any:
         pressure_gradient: wp.array(dtype=vec),
         maxima: wp.array(dtype=real),
         zone: wp.array(dtype=wp.int8),
+        flow_gradient: wp.array(dtype=mat),
+        disorder_speed: wp.array(dtype=real),
+        disorder_force: wp.array(dtype=vec),
     ):
         i = wp.tid() + first
         if wp.static(spec.open_axis >= 0):
             if int(zone[i]) != FLUID:
                 # nothing pushes a buffer: `open_flow` says how it moves
                 acceleration[i] = vec()
+                if wp.static(spec.disorder):
+                    disorder_speed[i] = real(UNKNOWN)
                 if wp.static(spec.shifting):
                     shift[i] = vec()
                     carried[i] = vec()
@@ -161,6 +168,7 @@ def make_momentum(spec: Spec) -> Any:
         apart = vec()  # the extra weight of other phases in it, for the shift
         flow = mat()  # sum of (v_j - v_i) (x) F V x_ij over the own phase: its velocity gradient
         wall_flow = mat()  # the same over no-slip walls and the velocities mirrored in them
+        own_moment = mat()  # -sum of x_ij (x) F V x_ij over the own phase: whether its gradient is known
         own_even = vec()  # sum of F V x_ij over the own phase
         into_wall = vec()  # the same over walls: their normal, away from the fluid
         gap2 = params.spacing * params.spacing  # square of the distance to the nearest wall cell [m^2]
@@ -210,8 +218,10 @@ def make_momentum(spec: Spec) -> Any:
                     if other_phase == own_phase:
                         if wp.static(spec.walls):
                             own_even += fd
-                        if wp.static(spec.shifting):
+                        if wp.static(spec.shifting or spec.disorder):
                             flow += wp.outer(velocity[j] - vi, fd)
+                        if wp.static(spec.disorder):
+                            own_moment -= wp.outer(d, fd)
                         if wp.static(spec.corrected):
                             own_sum += (state_j[0] - p_i) * fd
                         else:
@@ -272,7 +282,10 @@ def make_momentum(spec: Spec) -> Any:
                 own_even += fd
             if wp.static(spec.shifting):
                 even += fd
+            if wp.static(spec.shifting or spec.disorder):
                 flow += wp.outer(velocity[j] - vi, fd)
+            if wp.static(spec.disorder):
+                own_moment -= wp.outer(d, fd)
             if wp.static(spec.room):
                 room += window(r2, params.inv_window) * state_j[1]
             if wp.static(viscous):
@@ -425,6 +438,8 @@ def make_momentum(spec: Spec) -> Any:
             a = pressure_sum * (-g_norm / rho_i)
         if wp.static(viscous):
             a += viscous_sum * (g_norm / rho_i)
+        if wp.static(spec.disorder):
+            a += disorder_force[i]
         if wp.static(spec.interface_force):
             a -= repulsion * (params.zeta * g_norm / rho_i)
         if wp.static(body_tension):
@@ -468,6 +483,16 @@ def make_momentum(spec: Spec) -> Any:
         acceleration[i] = a
         if wp.static(spec.bodies and spec.corrected):
             pressure_gradient[i] = gradient
+
+        if wp.static(spec.disorder):
+            speed, inner = real(UNKNOWN), mat()
+            # of the fluid alone: what no-slip walls make of a gradient is no part of the flow between particles
+            m_own = own_moment * g_norm
+            if wp.determinant(m_own) > real(SMALLEST_MOMENT):
+                inner = (flow * g_norm) * wp.inverse(m_own)
+                speed = speed_of_disorder(inner, params, own)
+            flow_gradient[i] = inner
+            disorder_speed[i] = speed
 
         if wp.static(spec.shifting):
             # The flow disorders particles at the rate of its velocity gradient, so the shift works at that rate: a resting

@@ -40,6 +40,10 @@ def _relaxing(spec: Spec) -> bool:
     return spec.relaxation
 
 
+def _disorder(spec: Spec) -> bool:
+    return spec.disorder
+
+
 def _sided(spec: Spec) -> bool:
     return spec.multiphase and not spec.paper_star
 
@@ -56,6 +60,9 @@ RIEMANN_FIELDS: tuple[Field, ...] = (
     Field("rate_even", "vec", "fluid", False, _staged, "m/s^2", "y of the even ones"),
     Field("velocity_gradient", "mat", "fluid", False, _sided, "1/s", "grad v of the own phase, next to an interface"),
     Field("facing", "vec", "fluid", False, _sided, "-", "unit vector to the other phases, next to an interface"),
+    Field("flow_gradient", "mat", "fluid", True, _disorder, "1/s", "grad v of the own phase, of the last momentum sweep"),
+    Field("disorder_speed", "real", "fluid", True, _disorder, "m/s", "b of the friction of disorder, -1 without a gradient"),
+    Field("disorder_force", "vec", "fluid", False, _disorder, "m/s^2", "friction of disorder, for the momentum sweep"),
     Field("fraction", "real", "fluid", False, _interface, "-", "share of the own phase around a particle"),
     Field("contact_cosine", "real", "fluid", False, _contact, "-", "of the contact angle of its own phase"),
     Field("normal", "vec", "fluid", True, _interface, "1/m", "gradient of the own phase's share"),

@@ -21,6 +21,7 @@ HEAVY = ("pyvista", "vtk", "vtkmodules", "matplotlib", "h5py", "scipy", "pandas"
 # What each piece of physics brings with it.
 FIELDS = {
     "second phase": {"phase", "velocity_gradient", "facing"},
+    "friction of disorder": {"disorder_force", "disorder_speed", "flow_gradient"},
     "walls": {"wall_body", "wall_neighbours", "wall_impact"},
     "friction on walls": {"slip", "wall_depth", "mirror_velocity"},
     "tension": {"fraction", "normal", "interface_weight", "curvature", "mean_curvature"},
@@ -122,6 +123,7 @@ def test_leanest_against_fullest(kernels):
         ),
         ("viscosity", {"phases.gas.viscosity": 0, "phases.liquid.viscosity": 0}, ["friction on walls"], []),
         ("shift", {"numerics.shifting": 0}, ["shift"], []),
+        ("disorder", {"numerics.disorder_friction": 0}, ["friction of disorder"], []),
         ("constraint", {"numerics.volume_constraint": False}, [], ["volume constraint"]),
         ("gravity", {"gravity": [0, 0]}, [], []),
         (

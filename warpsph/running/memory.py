@@ -183,6 +183,7 @@ def _structure(case: Case, found: Count, row_list: bool) -> Spec:
     )
     given = case.numerics.shifting
     shifting = (corrected or case.scheme.shifts) if given == "auto" else float(given) > 0
+    disorder = getattr(case.numerics, "disorder_friction", 0.0)
     viscous = any(phase.viscosity > 0 for phase in case.phases.values())
     tension = case.has_surface_tension
     measured = any(gauge.type == "interface_length" for gauge in case.gauges.values())
@@ -199,6 +200,7 @@ def _structure(case: Case, found: Count, row_list: bool) -> Spec:
         interface=several and (tension or measured),
         paper_star=paper and several,
         shifting=shifting,
+        disorder=not paper and (disorder == "auto" or float(disorder) > 0),
         scheme=case.numerics.scheme,
         budget=any(gauge.type == "budget" for gauge in case.gauges.values()),
         changing=case.has_flow_through,

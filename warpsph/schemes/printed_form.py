@@ -19,6 +19,7 @@ PRINTED_VALUES: dict[str, Any] = {
     "room_rate": 0,
     "acoustic_damping": 0,
     "acoustic_relaxation": 0,
+    "disorder_friction": 0,
 }
 
 

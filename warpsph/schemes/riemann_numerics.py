@@ -75,6 +75,13 @@ class RiemannNumerics(NumericsBase):
         "0 also leaves the divergence of the continuity equation uncorrected. auto: 2 with corrected and shifting, else 0",
         examples=["2"],
     )
+    disorder_friction: Annotated[float | Auto, NumberRule(least=0, most=20, auto=True)] = Field(
+        default="auto",
+        description="friction, over |grad v| h, of what velocities of neighbours differ by beyond their gradients: evens a "
+        "disordered flow and leaves a smooth one, less what viscosity does already. auto: 4, 0 where viscosity is "
+        "enough (paper: 0)",
+        examples=["0"],
+    )
     acoustic_damping: Annotated[float | Auto, NumberRule(least=0, most=0.5, auto=True)] = Field(
         default="auto",
         description="bulk viscosity of one fluid over rho c h: damps sound, leaves other flow alone. auto: 0.25 "

@@ -14,6 +14,7 @@ import numpy as np
 from warpsph.errors import CaseError, Problem
 from warpsph.kernels.core.smoothing import KERNELS
 from warpsph.kernels.core.spec import Spec
+from warpsph.kernels.riemann.disorder import AS_VISCOUS
 from warpsph.scene.fluid_regions import LIGHT
 from warpsph.scene.forcing import forcing_of
 from warpsph.scene.open_faces import open_axis, open_sides
@@ -67,6 +68,8 @@ QUIET = 0.25
 # Bulk viscosity over rho c h: double of it damps little more, four times as much is beyond what walls with a fit bear
 # (docs/records/open_boundaries.md).
 DAMPING = 0.25
+# Friction of disorder over |grad v| h: 2 and 8 on record (docs/records/sound.md#disorder).
+DISORDER = 4.0
 COURANT = 0.5  # time step over h/(c + u): half of the measured limit of the leapfrog (theory: riemann#a9)
 CAPILLARY = 0.25  # time step over sqrt(rho h^3/(2 pi sigma)), the time scale of capillary waves of the length of h
 
@@ -157,6 +160,12 @@ def derive(case: Case, geometry: Geometry, row_list: bool = True) -> Physics:
     wanted, warnings = sound_speeds(case, scales, seen, filled, [often * size for size in lengths])
     sudden = corrected and not paper and not case.has_flow_through and onset > COMPRESSION
     reason = "tension sets in at once: the sound of that share of the pressures dies" if sudden else "not needed"
+    calm = viscosity_is_enough(case, wanted, h)
+    disorder = choose(
+        "disorder_friction",
+        0.0 if paper or calm else DISORDER,
+        "printed form" if paper else "viscosity is enough" if calm else "disorder is evened, smooth flow is not",
+    )
     relaxed = float(choose("acoustic_relaxation", RELAXATION * onset if sudden else 0.0, reason))
     frozen = math.sqrt(1.0 + relaxed)  # speed of the fastest sound over that of slow pressures
     choose("relaxation_time", longest_wave(lengths, wanted), "the longest wave dies out fastest")
@@ -202,6 +211,7 @@ def derive(case: Case, geometry: Geometry, row_list: bool = True) -> Physics:
         interface_force=float(zeta) > 0 and len(phases) > 1,
         dissipation=float(dissipation) > 0,
         acoustic_damping=float(damping) > 0,
+        disorder=float(disorder) > 0,
         relaxation=relaxed > 0,
         free_surface=not filled,
         changing=case.has_flow_through,
@@ -294,6 +304,19 @@ def sound_speeds(
                 f"than a few per cent; use at least {least:.4g} m/s or `auto`"
             )
     return result, warnings
+
+
+def viscosity_is_enough(case: Case, sound: Sequence[float], h: float) -> bool:
+    """Return whether viscosity does more than the friction of disorder even where all of the velocity changes over h [m].
+
+    sound: speed of sound of each phase [m/s]; a tenth of it is as fast as it flows.
+    """
+    fastest = math.sqrt(COMPRESSION)
+    phases = [case.phases[name] for name in case.phase_names]
+    return all(
+        DISORDER * fastest * c * h <= AS_VISCOUS * phase.viscosity / phase.density
+        for c, phase in zip(sound, phases, strict=True)
+    )
 
 
 def has_triple_points(tension: np.ndarray) -> bool:

@@ -246,6 +246,8 @@ def absent(spec: Spec) -> list[Absent]:
         rows.append(Absent("signals", "nothing depends on time"))
     if not spec.acoustic_damping:
         rows.append(Absent("acoustic damping", "numerics.acoustic_damping is 0"))
+    if not spec.disorder:
+        rows.append(Absent("friction of disorder", "numerics.disorder_friction is 0"))
     if not spec.relaxation:
         rows.append(Absent("relaxation", "numerics.acoustic_relaxation is 0"))
     if not spec.shifting:

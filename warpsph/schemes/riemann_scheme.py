@@ -109,6 +109,7 @@ class RiemannScheme(FlowThrough):
         params.damping = float(choices["acoustic_damping"])
         params.relaxation = float(choices["acoustic_relaxation"])
         params.relaxation_time = float(choices["relaxation_time"])
+        params.disorder = float(choices["disorder_friction"])
         params.shift_cap = SHIFT_CAP
         params.zeta = float(choices["interface_force"])
         return self.open_values(case, geometry, physics, device)

@@ -1,0 +1,68 @@
+"""Friction of disorder: evens what velocities of neighbours differ by beyond their gradients (theory: riemann#disorder).
+
+    a_i = (rho0/rho_i) sum_j b_ij [(v_ij - (G_i + G_j)/2 x_ij).e_ij] x_ij F_ij V_j,   b_ij = (b_i + b_j)/2
+    b_i = max(4 |G_i| h - 6 nu/h, 0), at most c/5
+
+over the own phase, e the unit vector of the pair, G the velocity gradient. A linear flow feels nothing of it on any
+arrangement, a smooth one at fourth order in h, disordered particles all of it. Pairs exchange momentum along their line.
+"""
+
+import functools
+from typing import Any
+
+import warp as wp
+
+from warpsph.kernels.core.params import make_params, make_phase
+from warpsph.kernels.core.spec import Spec, types_of
+
+# What it takes from velocities that know nothing of each other is b <r>/(2 d nu) of what the viscosity takes,
+# <r> = sum |F| r V / sum |F| V = 2h/3 in 2-D and 6h/7 in 3-D (Wendland C2): as much at b = 6 and 7 nu/h.
+AS_VISCOUS = 6.0
+# Of the sound speed: a step of h/(2c) then takes up to a quarter of what velocities differ by from one particle to the next.
+FASTEST = 0.2
+UNKNOWN = -1.0  # b of particles whose neighbours leave the gradient open; they take no part
+
+
+@functools.cache
+def make_disorder_speed(spec: Spec) -> Any:
+    """Return the `wp.func` disorder_speed(G, params, phase) -> b [m/s] of a particle."""
+    real, _, mat, _ = types_of(spec)
+    Params = make_params(spec.dimension, spec.precision)
+    Phase = make_phase(spec.precision)
+
+    @wp.func
+    def disorder_speed(gradient: mat, params: Params, own: Phase):
+        turning = params.disorder * wp.sqrt(wp.ddot(gradient, gradient)) * params.h
+        viscous = real(AS_VISCOUS) * own.viscosity / (own.density * params.h)
+        return wp.clamp(turning - viscous, real(0.0), real(FASTEST) * own.sound_speed)
+
+    return disorder_speed
+
+
+@functools.cache
+def make_disorder_friction(spec: Spec) -> Any:
+    """Return the `wp.func` of what a pair adds to the acceleration, to be summed with F V_j; 0 without it in a `Spec`.
+
+    disorder_friction(i, j, v_ij, x_ij, r, b, G), the last two those of all particles.
+    """
+    real, vec, mat, _ = types_of(spec)
+
+    @wp.func
+    def disorder_friction(
+        i: int,
+        j: int,
+        v: vec,
+        d: vec,
+        r: real,
+        speeds: wp.array(dtype=real),
+        gradients: wp.array(dtype=mat),
+    ):
+        result = vec()
+        if wp.static(spec.disorder):
+            own, other = speeds[i], speeds[j]
+            if wp.min(own, other) >= real(0.0) and own + other > real(0.0) and r > real(0.0):
+                beyond = wp.dot(v - real(0.5) * ((gradients[i] + gradients[j]) * d), d)
+                result = (real(0.5) * (own + other) * beyond / r) * d
+        return result
+
+    return disorder_friction

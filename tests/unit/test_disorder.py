@@ -1,0 +1,115 @@
+"""Friction of disorder: flows that it leaves alone, what it keeps, and what it takes."""
+
+import numpy as np
+import pytest
+
+from warpsph.case.case import Case
+from warpsph.running.model import Model
+from warpsph.simulation import Simulation
+
+BOX = {
+    "dimension": 2,
+    "particle_spacing": 1 / 24,
+    "precision": "float64",
+    "end_time": 3e-7,
+    "domain": {"lower": [-0.5, -0.5], "upper": [0.5, 0.5], "boundary": {"x": "free_slip", "y": "free_slip"}},
+    "phases": {"water": {"density": 2.0, "sound_speed": 20.0}},
+    "fluids": [{"phase": "water", "shape": "rest"}],
+    "start": {"noise": 0.2},
+    "output": {"particles": "none", "checkpoint": "none"},
+}
+PERIODIC = {"lower": [-0.5, -0.5], "upper": [0.5, 0.5], "boundary": {"x": "periodic", "y": "periodic"}}
+SWIRL = ["sin(2*pi*x)*cos(2*pi*y)", "-cos(2*pi*x)*sin(2*pi*y)"]
+ROUGH = ["sin(317*x + 211*y)", "cos(401*y - 173*x)"]  # at particles 1/24 apart as good as chance
+
+
+def friction(velocity, **changes):
+    """The fluid, and the change of its velocity per time (n, 2) by three tiny steps with the friction, less that without."""
+    found = []
+    for strength in (changes.pop("strength", 4), 0):
+        numerics = {"maximum_step": 1e-7, "shifting": 0, "room_rate": 0, "disorder_friction": strength}
+        case = BOX | {"start": BOX["start"] | {"velocity": velocity}, "numerics": numerics} | changes
+        found.append(Simulation(case, threads=1).run().state)
+    return found[0], (found[0].velocity - found[1].velocity) / found[0].time
+
+
+@pytest.mark.parametrize("velocity", [["-y", "x"], ["x", "-y"], ["y", "0"], ["x + 2*y", "3*x"]])
+def test_a_linear_flow_feels_nothing_on_any_arrangement(velocity):
+    _, force = friction(velocity)
+    rough = np.abs(friction(ROUGH)[1]).max()
+    assert rough > 10.0
+    assert np.abs(force).max() < 1e-5 * rough
+
+
+def test_it_keeps_momentum_and_angular_momentum_and_takes_energy():
+    # a disc with nothing around it, whose particles no wall holds
+    domain = BOX["domain"] | {"boundary": {"x": "open", "y": "open"}}
+    disc = [{"phase": "water", "shape": {"sphere": {"center": [0, 0], "radius": 0.4}}}]
+    fluid, force = friction(ROUGH, domain=domain, fluids=disc)
+    push = fluid.mass[:, None] * force
+    torque = fluid.position[:, 0] * push[:, 1] - fluid.position[:, 1] * push[:, 0]
+    size = np.abs(push).sum()
+    assert np.abs(push.sum(axis=0)).max() < 1e-6 * size
+    assert abs(torque.sum()) < 1e-6 * size
+    assert (push * fluid.velocity).sum() < 0
+
+
+def by_all_pairs(position, velocity, mass, density, sound):
+    """The law over all pairs in numpy (n, 2): Wendland C2, h = 1.5 spacings, without viscosity."""
+    h, volume = 1.5 / 24, mass / density
+    d = position[:, None] - position[None]
+    r = np.linalg.norm(d, axis=2) + np.eye(len(d))
+    q = np.minimum(r / h, 2)
+    weight = -35 / (4 * np.pi * h**4) * (1 - q / 2) ** 3 * volume[None]  # F V_j
+    np.fill_diagonal(weight, 0)
+    v = velocity[:, None] - velocity[None]
+    moment = -np.einsum("ij,ija,ijb->iab", weight, d, d)
+    gradient = -np.einsum("ij,ija,ijb->iab", weight, v, d) @ np.linalg.inv(moment)
+    b = np.minimum(4 * np.linalg.norm(gradient, axis=(1, 2)) * h, 0.2 * sound)
+    b[np.linalg.det(moment) <= 0.1] = np.nan
+    beyond = np.einsum("ija,ija->ij", v, d) - 0.5 * np.einsum("ija,ijab,ijb->ij", d, gradient[:, None] + gradient[None], d)
+    pair = np.nan_to_num(0.5 * (b[:, None] + b[None]) * beyond / r * weight)
+    return (2.0 / density)[:, None] * np.einsum("ij,ija->ia", pair, d)
+
+
+def test_it_is_the_law():
+    domain = BOX["domain"] | {"boundary": {"x": "open", "y": "open"}}
+    disc = [{"phase": "water", "shape": {"sphere": {"center": [0, 0], "radius": 0.4}}}]
+    fluid, force = friction(ROUGH, domain=domain, fluids=disc)
+    # of three steps the first has none: no continuity sweep is before it
+    law = by_all_pairs(fluid.position, fluid.velocity, fluid.mass, fluid.density, 20.0)
+    share = (force * law).sum() / (law**2).sum()
+    assert 0.5 < share < 1.0
+    assert np.abs(force - share * law).max() < 1e-4 * np.abs(law).max()
+
+
+def loss(spacings):
+    """Rate [1/s] at which the friction takes energy from vortices on a lattice, over that energy."""
+    fluid, force = friction(SWIRL, domain=PERIODIC, particle_spacing=1 / spacings, start={"velocity": SWIRL})
+    return -(force * fluid.velocity).sum() / (fluid.velocity**2).sum()
+
+
+def test_what_it_takes_from_a_smooth_flow_falls_at_fourth_order():
+    """b is of first order in h, what a pair of a smooth flow has beyond its gradients of third."""
+    coarse, fine = loss(24), loss(48)
+    assert coarse > 0
+    assert np.log2(coarse / fine) == pytest.approx(4.0, abs=0.3)
+
+
+def test_viscosity_counts():
+    """Where friction of the fluid does more, there is none, and it is no part of the run."""
+    water = BOX["phases"]["water"]
+    thick = {"phases": {"water": water | {"viscosity": 2.0}}}
+    numerics = {"numerics": {"disorder_friction": 4}}
+    assert np.abs(friction(SWIRL, phases={"water": water | {"viscosity": 0.2}})[1]).max() == 0
+    assert not Model(Case.from_dict(BOX | thick), threads=1).physics.spec.disorder
+    assert Model(Case.from_dict(BOX | thick | numerics), threads=1).physics.spec.disorder
+    assert Model(Case.from_dict(BOX), threads=1).physics.spec.disorder
+
+
+def test_spray_takes_no_part():
+    """Two particles and a free surface: no gradient, no friction."""
+    domain = BOX["domain"] | {"boundary": {"x": "free_slip", "y": {"lower": "free_slip", "upper": "open"}}}
+    fluids = [{"phase": "water", "shape": {"box": {"lower": [-2 / 24, 0], "upper": [0, 1 / 24]}}}]
+    _, force = friction(ROUGH, domain=domain, fluids=fluids, start={"velocity": ROUGH})
+    assert np.abs(force).max() == 0
