@@ -18,6 +18,9 @@ from warpsph.kernels.core.spec import Spec, types_of
 # What it takes from velocities that know nothing of each other is b <r>/(2 d nu) of what the viscosity takes,
 # <r> = sum |F| r V / sum |F| V = 2h/3 in 2-D and 6h/7 in 3-D (Wendland C2): as much at b = 6 and 7 nu/h.
 AS_VISCOUS = 6.0
+# How much more is taken off within reach of a no-slip wall. A gradient of one side is off by half of what the flow bends
+# over h, which is no disorder: where the layer at the wall is resolved, |G| h^2 < 15 nu, it is left alone.
+RESOLVED = 10.0
 # Of the sound speed: a step of h/(2c) then takes up to a quarter of what velocities differ by from one particle to the next.
 FASTEST = 0.2
 UNKNOWN = -1.0  # b of particles whose neighbours leave the gradient open; they take no part
@@ -25,15 +28,17 @@ UNKNOWN = -1.0  # b of particles whose neighbours leave the gradient open; they 
 
 @functools.cache
 def make_disorder_speed(spec: Spec) -> Any:
-    """Return the `wp.func` disorder_speed(G, params, phase) -> b [m/s] of a particle."""
+    """Return the `wp.func` disorder_speed(G, clings, params, phase) -> b [m/s], beside a no-slip wall or not."""
     real, _, mat, _ = types_of(spec)
     Params = make_params(spec.dimension, spec.precision)
     Phase = make_phase(spec.precision)
 
     @wp.func
-    def disorder_speed(gradient: mat, params: Params, own: Phase):
+    def disorder_speed(gradient: mat, clings: bool, params: Params, own: Phase):
         turning = params.disorder * wp.sqrt(wp.ddot(gradient, gradient)) * params.h
         viscous = real(AS_VISCOUS) * own.viscosity / (own.density * params.h)
+        if clings:
+            viscous *= real(RESOLVED)
         return wp.clamp(turning - viscous, real(0.0), real(FASTEST) * own.sound_speed)
 
     return disorder_speed

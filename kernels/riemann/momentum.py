@@ -168,6 +168,7 @@ def make_momentum(spec: Spec) -> Any:
         apart = vec()  # the extra weight of other phases in it, for the shift
         flow = mat()  # sum of (v_j - v_i) (x) F V x_ij over the own phase: its velocity gradient
         wall_flow = mat()  # the same over no-slip walls and the velocities mirrored in them
+        clings = bool(False)  # a no-slip wall is within the support
         own_moment = mat()  # -sum of x_ij (x) F V x_ij over the own phase: whether its gradient is known
         own_even = vec()  # sum of F V x_ij over the own phase
         into_wall = vec()  # the same over walls: their normal, away from the fluid
@@ -303,6 +304,8 @@ def make_momentum(spec: Spec) -> Any:
                 f = slope(wp.sqrt(r2) * params.inv_h) * wall_volume
                 fd = f * d
                 into_wall += fd
+                if wp.static(spec.disorder and spec.wall_no_slip):
+                    clings = clings or (slip[j - fluid_count] == wp.uint8(0) and f != real(0.0))
                 if wp.static(not spec.bodies):
                     beyond = wp.max(wp.abs(d) - half_cell, vec())
                     gap2 = wp.min(gap2, wp.dot(beyond, beyond))
@@ -486,11 +489,11 @@ def make_momentum(spec: Spec) -> Any:
 
         if wp.static(spec.disorder):
             speed, inner = real(UNKNOWN), mat()
-            # of the fluid alone: what no-slip walls make of a gradient is no part of the flow between particles
+            # of the fluid alone: mirrored velocities of no-slip walls are no part of the flow between particles
             m_own = own_moment * g_norm
             if wp.determinant(m_own) > real(SMALLEST_MOMENT):
                 inner = (flow * g_norm) * wp.inverse(m_own)
-                speed = speed_of_disorder(inner, params, own)
+                speed = speed_of_disorder(inner, clings, params, own)
             flow_gradient[i] = inner
             disorder_speed[i] = speed
 

@@ -107,6 +107,18 @@ def test_viscosity_counts():
     assert Model(Case.from_dict(BOX), threads=1).physics.spec.disorder
 
 
+@pytest.mark.parametrize(("viscosity", "acts"), [(0.01, False), (0.001, True)])
+def test_a_resolved_layer_at_a_wall_is_left_alone(viscosity, acts):
+    """|G| h^2 is 3 and 31 nu at the walls of a channel flow of 2 m/s; away from them 1.5 nu would do."""
+    wall = {"wall": "no_slip"}
+    domain = {"lower": [-0.5, -0.5], "upper": [0.5, 0.5], "boundary": {"x": "periodic", "y": {"lower": wall, "upper": wall}}}
+    water = BOX["phases"]["water"] | {"viscosity": 2.0 * viscosity}
+    fluid, force = friction(["2*(1 - 4*y*y)", "0"], domain=domain, phases={"water": water})
+    beside = np.abs(fluid.position[:, 1]) > 0.5 - 1 / 24
+    strongest = np.abs(force[beside]).max()
+    assert (strongest > 1e-3) == acts
+
+
 def test_spray_takes_no_part():
     """Two particles and a free surface: no gradient, no friction."""
     domain = BOX["domain"] | {"boundary": {"x": "free_slip", "y": {"lower": "free_slip", "upper": "open"}}}
