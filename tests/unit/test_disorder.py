@@ -116,7 +116,7 @@ def test_a_resolved_layer_at_a_wall_is_left_alone(viscosity, acts):
     fluid, force = friction(["2*(1 - 4*y*y)", "0"], domain=domain, phases={"water": water})
     beside = np.abs(fluid.position[:, 1]) > 0.5 - 1 / 24
     strongest = np.abs(force[beside]).max()
-    assert (strongest > 1e-3) == acts
+    assert (strongest > 0.01) == acts  # what neighbours farther off bring is 0.001
 
 
 def test_spray_takes_no_part():
