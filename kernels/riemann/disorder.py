@@ -1,10 +1,11 @@
 """Friction of disorder: evens what velocities of neighbours differ by beyond their gradients (theory: riemann#disorder).
 
     a_i = (rho0/rho_i) sum_j b_ij [(v_ij - (G_i + G_j)/2 x_ij).e_ij] x_ij F_ij V_j,   b_ij = (b_i + b_j)/2
-    b_i = max(4 |G_i| h - 6 nu/h, 0), at most c/5
+    b_i = max(A |G_i| h - 6 nu/h, 0), at most c/5; beside no-slip walls 60 nu/h
 
-over the own phase, e the unit vector of the pair, G the velocity gradient. A linear flow feels nothing of it on any
-arrangement, a smooth one at fourth order in h, disordered particles all of it. Pairs exchange momentum along their line.
+over the own phase, e the unit vector of the pair, G the velocity gradient, A `numerics.disorder_friction`. A linear flow
+feels nothing of it on any arrangement, a smooth one at fourth order in h, disordered particles all of it. Pairs exchange
+momentum along their line.
 """
 
 import functools

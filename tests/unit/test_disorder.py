@@ -26,7 +26,7 @@ ROUGH = ["sin(317*x + 211*y)", "cos(401*y - 173*x)"]  # at particles 1/24 apart 
 def friction(velocity, **changes):
     """The fluid, and the change of its velocity per time (n, 2) by three tiny steps with the friction, less that without."""
     found = []
-    for strength in (changes.pop("strength", 4), 0):
+    for strength in (4, 0):
         numerics = {"maximum_step": 1e-7, "shifting": 0, "room_rate": 0, "disorder_friction": strength}
         case = BOX | {"start": BOX["start"] | {"velocity": velocity}, "numerics": numerics} | changes
         found.append(Simulation(case, threads=1).run().state)
