@@ -24,6 +24,7 @@ import argparse
 import json
 from collections.abc import Iterator
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
@@ -329,6 +330,22 @@ def write_curves(path: str, curves: dict[str, list[tuple[float, float, float]]])
             file.write(",".join([f"{t:.6g}", *(f"{value:.6g}" for value in values)]) + "\n")
 
 
+def refuse(parser: argparse.ArgumentParser, options: argparse.Namespace) -> None:
+    """End with a message and exit code 2 if a value has no meaning or a result could not be written."""
+    for key in ("viscosity", "capillary"):
+        wrong = [value for value in getattr(options, key) if not 0 < value < np.inf]
+        if wrong:
+            parser.error(f"--{key} {wrong[0]:g}: has to be above 0 and finite")
+    if options.points % 2 or options.points < 8:
+        parser.error(f"--points {options.points}: has to be even and at least 8")
+    for key, least in (("half_height", 1.0), ("period", 2.0), ("end_time", 0.0)):
+        if not least < getattr(options, key) < np.inf:
+            parser.error(f"--{key.replace('_', '-')} {getattr(options, key):g}: has to be above {least:g} and finite")
+    for path in (options.json, options.curve):
+        if path and not Path(path).absolute().parent.is_dir():
+            parser.error(f"{path}: there is no such folder; make it first")
+
+
 def main() -> None:
     """Print the steady deformation of each pair of viscosity ratio and capillary number."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -341,8 +358,7 @@ def main() -> None:
     parser.add_argument("--json", metavar="FILE", help="the table, a list of one object per pair")
     parser.add_argument("--curve", metavar="FILE", help="D and angle over time as comma-separated values")
     options = parser.parse_args()
-    if options.points % 2 or options.half_height <= 1 or options.period <= 2:
-        parser.error("--points is to be even, --half-height above 1, --period above 2")
+    refuse(parser, options)
     rows, curves = [], {}
     print("| viscosity | Ca | D | angle [degrees] | t | speed left | small, without walls |\n" + "|---" * 7 + "|")
     for ratio in options.viscosity:

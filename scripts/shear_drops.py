@@ -8,8 +8,9 @@
 Runs `cases/shear_drop.yaml` (or `shear_drop_3d`) for each combination; ratios are those of the drop over the matrix. Time in
 1/shear rate; by default until the drop is steady: max(2, 20 Ca), (1 + ratio of viscosities)/2 times that for a thick one.
 The table has the deformation D and the angle, means over the last fifth of the run, their errors against the reference
-(2-D: equal viscosities and densities, 16 cells a radius; 3-D: Cox 1969 for small deformation), the largest distance from
-the reference over time, the swing of D (standard deviation over the same fifth), the area (2-D) or volume (3-D) of the
+(2-D, equal densities: with one viscosity 16 cells a radius, with two Stokes flow by `shear_drop_exact.py`; 3-D: Cox 1969 for
+small deformation), the largest distance from the reference over time, the swing of D (standard deviation over the same
+fifth), the area (2-D) or volume (3-D) of the
 ellipse over that of the start, pieces, stages of friction, steps and seconds.
 """
 
@@ -34,6 +35,7 @@ from warpsph.study.provenance import provenance
 
 CASES = Path(__file__).parents[1] / "cases"
 STEADY = "i_drop_shear_2D_computed.csv"
+STOKES = "i_drop_shear_2D_stokes.csv"  # without inertia, by shear_drop_exact.py: for other viscosities
 OVER_TIME = "i_drop_shear_2D_computed_transient.csv"
 REYNOLDS = 0.1
 
@@ -53,9 +55,14 @@ def steady_reference(dimension: int, capillary: float, viscosity: float, density
         return taylor / math.hypot(1.0, turn), 45 - math.degrees(0.5 * math.atan(turn))
     rows = table_of(STEADY)
     mine = rows[(rows["Ca"] == capillary) & (rows["lambda"] == viscosity)]
-    if not len(mine):
-        return math.nan, math.nan
-    best = mine[np.argmax(mine["cells_per_R"])]
+    if len(mine):
+        best = mine[np.argmax(mine["cells_per_R"])]
+    else:
+        rows = table_of(STOKES)
+        mine = rows[(rows["Ca"] == capillary) & (rows["lambda"] == viscosity)]
+        if not len(mine):
+            return math.nan, math.nan
+        best = mine[0]
     return float(best["D_second_moments"]), float(best["orientation_deg"])
 
 

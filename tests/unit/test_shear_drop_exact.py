@@ -101,3 +101,33 @@ def test_the_script_writes_its_table_and_curves(tmp_path, capsys, monkeypatch):
     assert [row["capillary"] for row in json.loads(table.read_text())] == [0.1, 0.2]
     lines = curves.read_text().splitlines()
     assert lines[0].split(",")[:3] == ["t", "D_lambda1_Ca0.1", "angle_lambda1_Ca0.1"] and len(lines) == 4
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["--viscosity", "-1"],
+        ["--capillary", "0"],
+        ["--capillary", "nan"],
+        ["--points", "31"],
+        ["--half-height", "1"],
+        ["--period", "2"],
+        ["--end-time", "-1"],
+        ["--json", "missing/table.json"],
+    ],
+)
+def test_what_has_no_meaning_is_refused_before_anything_runs(arguments, tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "argv", ["x", *arguments])
+    with pytest.raises(SystemExit) as ended:
+        exact.main()
+    told = capsys.readouterr()
+    assert ended.value.code == 2 and arguments[1] in told.err and not told.out
+
+
+def test_the_table_of_the_references_is_what_the_script_makes():
+    table = np.genfromtxt(PATH.parents[1] / "cases" / "reference" / "i_drop_shear_2D_stokes.csv", delimiter=",", names=True)
+    for row in table[(table["Ca"] == 0.1) & (table["lambda"] <= 1)]:
+        *_, (_, curve, _) = exact.Drop(row["lambda"], 1 / row["Ca"]).run(32, 10.0)
+        assert curve.shape()[0] == pytest.approx(row["D_second_moments"], rel=1e-3)
+        assert curve.shape()[1] == pytest.approx(row["orientation_deg"], abs=0.05)
