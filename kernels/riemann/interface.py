@@ -2,7 +2,8 @@
 
 Everything is seen from a particle's own phase, so that any number of phases needs one number a particle:
     fraction_i  = sum_{j in own phase} W V_j / sum_j W V_j          (Shepard; the own phase is 1 in the bulk)
-    n_i         = sum_j (c_j - fraction_i) grad_i W V_j      c_j: i's phase at j, fraction_j or 1 - fraction_j
+    n_i         = L_i sum_j (c_j - fraction_i) grad_i W V_j      c_j: i's phase at j, fraction_j or 1 - fraction_j
+                  L_i = [sum_j grad_i W (x) (x_j - x_i) V_j]^-1
     kappa_i     = div(-n/|n|) = tr(M^-1 D)                            positive where the own phase is convex
 The curvature at a particle follows from the places of the *other* particles, mostly those across the interface. Used as it
 is, it drives the first rows of both sides apart, at any density ratio (docs/records/tension.md). So it is made the same on
@@ -25,7 +26,7 @@ from warpsph.kernels.core.smoothing import KERNELS, make_smoothing
 from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, types, types_of
 
 FAINTEST = 0.01  # |n| h below which a particle has no normal
-SMALLEST_MOMENT = 0.02  # determinant below which the divergence of the normals is not corrected
+SMALLEST_MOMENT = 0.02  # determinant below which the normals and their divergence are not corrected
 SHARPEST = 2.0  # largest curvature, times h
 
 
@@ -99,8 +100,12 @@ def make_fraction(spec: Spec) -> Any:
 
 @functools.cache
 def make_normal(spec: Spec) -> Any:
-    """Return the kernel of the fraction's gradient n [1/m] and its weight (|n| h)^2, zero where |n| < 0.01/h."""
-    real, vec, _, pair = types_of(spec)
+    """Return the kernel of the fraction's gradient n [1/m] and its weight (|n| h)^2, zero where |n| < 0.01/h.
+
+    Exact for a fraction that is linear, whatever the arrangement: without the moment a flow that has drawn rows out or slanted
+    them turns the normals, and the interface comes to rest where it is not flat (docs/records/tension.md#memory).
+    """
+    real, vec, mat, pair = types_of(spec)
     Params = make_params(spec.dimension, spec.precision)
     _, slope = make_smoothing(spec.kernel, spec.precision)
     separation = separation_of(spec)
@@ -135,6 +140,7 @@ def make_normal(spec: Spec) -> Any:
         own = phase[i]
         f_i = fraction[i]
         n = vec()
+        moment = mat()
         k = list_begin(i, list_width)
         step = list_step(particle_count)
         end = k + int(fluid_neighbours[i]) * step
@@ -145,8 +151,11 @@ def make_normal(spec: Spec) -> Any:
             share = fraction[j]
             if phase[j] != own:
                 share = real(1.0) - share
-            n += ((share - f_i) * slope(wp.sqrt(wp.dot(d, d)) * params.inv_h) * state[j][1]) * d
-        n = n * params.g_norm
+            fd = (slope(wp.sqrt(wp.dot(d, d)) * params.inv_h) * state[j][1] * params.g_norm) * d
+            n += (share - f_i) * fd
+            moment -= wp.outer(d, fd)
+        if wp.determinant(moment) > real(SMALLEST_MOMENT):
+            n = wp.inverse(moment) * n
         strength = wp.length(n) * params.h
         weight = strength * strength
         if strength < real(FAINTEST):

@@ -128,7 +128,7 @@ def make_phase_normals(spec: Spec) -> Any:
 
     `normal` is that of the own phase, for outputs and gauges.
     """
-    real, vec, _, pair = types_of(spec)
+    real, vec, mat, pair = types_of(spec)
     phased, normals = phase_types(spec.dimension, spec.precision)
     Params = make_params(spec.dimension, spec.precision)
     _, slope = make_smoothing(spec.kernel, spec.precision)
@@ -164,6 +164,7 @@ def make_phase_normals(spec: Spec) -> Any:
         xi = position[i]
         share_i = share[i]
         n = normals()
+        moment = mat()
         k = list_begin(i, list_width)
         step = list_step(particle_count)
         end = k + int(fluid_neighbours[i]) * step
@@ -171,9 +172,11 @@ def make_phase_normals(spec: Spec) -> Any:
             j = neighbour(neighbours, i, k)
             k += step
             d = separation(xi, position[j], True, params)
-            f = slope(wp.sqrt(wp.dot(d, d)) * params.inv_h) * state[j][1]
-            n += wp.outer(share[j] - share_i, f * d)
-        n = n * params.g_norm
+            fd = (slope(wp.sqrt(wp.dot(d, d)) * params.inv_h) * state[j][1] * params.g_norm) * d
+            n += wp.outer(share[j] - share_i, fd)
+            moment -= wp.outer(d, fd)
+        if wp.determinant(moment) > real(SMALLEST_MOMENT):
+            n = n * wp.inverse(moment)  # symmetric
         weight = phased()
         for each in range(3):
             strength2 = wp.length_sq(n[each]) * params.h * params.h
