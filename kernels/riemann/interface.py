@@ -102,8 +102,8 @@ def make_fraction(spec: Spec) -> Any:
 def make_normal(spec: Spec) -> Any:
     """Return the kernel of the fraction's gradient n [1/m] and its weight (|n| h)^2, zero where |n| < 0.01/h.
 
-    Exact for a fraction that is linear, whatever the arrangement: without the moment a flow that has drawn rows out or slanted
-    them turns the normals, and the interface comes to rest where it is not flat (docs/records/tension.md#memory).
+    Exact for a fraction that is linear, whatever the arrangement: without the moment a flow that has drawn rows out or
+    slanted them turns the normals, and the interface comes to rest where it is not flat (docs/records/tension.md#memory).
     """
     real, vec, mat, pair = types_of(spec)
     Params = make_params(spec.dimension, spec.precision)

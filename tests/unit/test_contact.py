@@ -143,8 +143,8 @@ def test_the_first_row_has_the_contact_angle(angle, device):
     for side in (0, 1):
         first = strong & (height < 1) & (bench.get("phase") == side)
         assert first.any()
-        # at the top of the row, 0.6 of 2.5 spacings, f = 0.24^2 of the computed normal, which is 60 degrees off at 30 and 150:
-        # 2.9 degrees, and f times the few degrees that this leans by
+        # at the top of the row, 0.6 of 2.5 spacings, f = 0.24^2 of the computed normal, which is 60 degrees off at 30 and
+        # 150: 2.9 degrees, and f times the few degrees that this leans by
         assert np.degrees(np.arccos(unit[first, 1])) == pytest.approx(angle, abs=3.3)
         assert (unit[first, 0] > 0).all()
     left = [np.nanmean((unit @ turned(angle))[strong & (height > row) & (height < row + 1)]) for row in range(3)]
