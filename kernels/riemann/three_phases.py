@@ -3,7 +3,7 @@
 Two phases need one number a particle, since the interface of a phase is that of the other (`interface`). Where a third one
 is in reach each phase k has an interface of its own, seen by all particles, of whatever phase:
     C_k(i)     = sum_{j in k} W V_j / sum_j W V_j                     share of the phase, itself included
-    n_k(i)     = sum_j (C_k(j) - C_k(i)) grad_i W V_j                 into the phase
+    n_k(i)     = L_i sum_j (C_k(j) - C_k(i)) grad_i W V_j             into the phase; L_i as in `interface`
     kappa_k(i) = div(-n_k/|n_k|)                                      positive where the phase is convex
 and the tension of a pair is shared out to its phases, sigma_ij = s_i + s_j. With the jump J = s_i kappa_i - s_j kappa_j the
 pull of phase k on the points of its corner is s_k times the sum of both directions in which its sides leave, whatever the

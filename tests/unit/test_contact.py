@@ -81,6 +81,19 @@ def test_the_computed_normal_takes_over_away_from_the_wall():
     np.testing.assert_allclose(wall_normal(turned(100), floor, 60, 0.5), turned(80), atol=1e-12)
 
 
+@pytest.mark.parametrize(("angle", "first", "second"), [(30, 13, 6), (60, 6, 3), (120, -3, -1), (150, -12, -6)])
+def test_how_far_computed_normals_lean_at_a_wall(angle, first, second, device):
+    """Why the prescribed angle takes over with a square (the figures at the head of `contact`, means of six starts)."""
+    leaning = []
+    for seed in range(6):
+        bench, x = edge(90, interface=angle, seed=seed, device=device)
+        bench.run(*(stage for stage in riemann.tension(bench.spec) if stage.name in ("own_fraction", "colour_normal")))
+        cosine, strong = outward(bench)[:, 1], bench.get("interface_weight") > 0.05
+        rows = [strong & (x[:, 1] > row) & (x[:, 1] < row + 1) for row in range(2)]
+        leaning.append([np.degrees(np.arccos(np.nanmean(cosine[row]))) - angle for row in rows])
+    assert np.mean(leaning, axis=0) == pytest.approx([first, second], abs=1)
+
+
 def test_a_film_along_the_wall_is_left_alone():
     """It does not meet the wall here; where it leans a little the prescribed normal comes in gradually."""
     floor = [0.0, 1.0]
