@@ -94,14 +94,14 @@ def test_a_start_at_once_has_the_drag_of_the_layer_half_of_it_friction():
 
 
 @pytest.mark.parametrize(
-    ("name", "reynolds", "angle", "size"), [("cylinder", 100, 0, (96, 128)), ("naca0012", 1000, 8, (96, 192))]
+    ("name", "reynolds", "angle", "size"), [("cylinder", 100, 0, (64, 96)), ("naca0012", 1000, 8, (80, 160))]
 )
 def test_the_force_at_the_wall_is_the_rate_of_the_impulse(name, reynolds, angle, size):
     """And the total circulation stays 0."""
-    flow, forces = started(stream.BODIES[name](), float(reynolds), angle, size, 2e-3, 0.5)
+    flow, forces = started(stream.BODIES[name](), float(reynolds), angle, size, 2.5e-3, 0.5)
     before = flow.impulse()
-    flow.step(2e-3)
-    rate = (flow.impulse() - before) / 2e-3
+    flow.step(2.5e-3)
+    rate = (flow.impulse() - before) / 2.5e-3
     force = (forces[-1].total + flow.force().total) / 2
     assert abs(rate - force) < 0.02 * abs(force)
     assert abs(flow.grid.integral(flow.vorticity)) < 1e-10
@@ -149,7 +149,7 @@ def test_shedding_is_measured_on_a_known_wave():
 def test_the_series_of_the_airfoil_in_the_references_is_that_of_a_coarser_grid(airfoil):
     table = np.genfromtxt(REFERENCE / "k_naca0012_Re1000_stream_function.csv", delimiter=",", names=True)
     row = table[(table["alpha_deg"] == 8) & np.isclose(table["t_U_over_c"], 0.5)][0]
-    force = started(airfoil, 1000.0, 8.0, (96, 192), 2e-3, 0.5)[1][-1]
+    force = started(airfoil, 1000.0, 8.0, (80, 160), 2.5e-3, 0.5)[1][-1]
     assert force.pressure == pytest.approx(row["Cd_pressure"] + 1j * row["Cl_pressure"], rel=0.03)
     assert force.friction == pytest.approx(row["Cd_friction"] + 1j * row["Cl_friction"], rel=0.03)
 
@@ -157,7 +157,8 @@ def test_the_series_of_the_airfoil_in_the_references_is_that_of_a_coarser_grid(a
 def test_the_steady_drag_of_a_cylinder_and_its_wake_are_those_of_the_table():
     table = np.genfromtxt(REFERENCE / "j_cylinder_stream_function.csv", delimiter=",", names=True)
     flow, forces = started(stream.Cylinder(), 40.0, 0.0, (48, 64), 1 / 64, 20.0, outer=40.0)
-    assert forces[-1].total.real == pytest.approx(table["Cd_mean"][0], rel=0.04)  # it falls by 3 % from there to t = 60
+    fall = 1.031  # of the drag from t = 20 to the 200 of the table
+    assert forces[-1].total.real == pytest.approx(fall * table["Cd_mean"][0], rel=0.01)
     assert 2.1 < flow.wake_length() < 2.3
 
 
