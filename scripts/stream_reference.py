@@ -387,6 +387,8 @@ class Flow:
     def __init__(self, grid: Grid, reynolds: float, angle: float = 0.0, swirl: float = 0.0) -> None:
         self.grid, self.poisson = grid, Poisson(grid)
         self.viscosity = 1 / reynolds
+        self.spread = self._spread()
+        """(rings,) the viscosity, which grows far out"""
         self.direction = complex(np.exp(1j * angle))
         self.potential = grid.potential(angle)
         self.wanted = -2 * grid.body.scale * np.sin(grid.theta - angle)
@@ -403,9 +405,7 @@ class Flow:
         """vorticity and advection a step before, and that step"""
         self._solvers: dict[float, Diffusion] = {}
 
-    @property
-    def spread(self) -> np.ndarray:
-        """(rings,) the viscosity, which grows far out."""
+    def _spread(self) -> np.ndarray:
         radius = self.grid.body.scale * np.exp(self.grid.xi)
         part = np.clip((radius - FAR[0]) / (FAR[1] - FAR[0]), 0, 1)
         return np.maximum(self.viscosity, part**2 * (3 - 2 * part) * radius * self.grid.turn / CELL_REYNOLDS)
@@ -570,6 +570,8 @@ def refuse(parser: argparse.ArgumentParser, options: argparse.Namespace) -> None
             parser.error(f"--angle {angle:g}: has to be from -45 to 45 degrees; give such a number")
     if not -np.inf < options.swirl < np.inf:
         parser.error(f"--swirl {options.swirl:g}: has to be finite; give such a number")
+    if options.swirl and options.body != "cylinder":
+        parser.error(f"--swirl {options.swirl:g}: has to be 0 with {options.body}, whose tail it would lie on; leave it out")
     if options.radial < 16:
         parser.error(f"--radial {options.radial}: has to be at least 16; take more rings")
     if options.around % 2 or options.around < 16:
@@ -623,28 +625,71 @@ def describe(flow: Flow, series: np.ndarray, window: float) -> str:
     return " | ".join([*cells, f"{flow.wake_length():.3f}" if steady else "-"])
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """Print the coefficients of force for each angle; return 1 if a flow blew up."""
-    options = options_of(arguments)
+def part_of(path: Path) -> Path:
+    """Return the file beside a file in which that is written until it is whole."""
+    return path.with_name(path.name + ".part")
+
+
+def written(path: Path, body: str, table: list[list[float]]) -> None:
+    """Write the series as comma-separated values: a whole file, or that of before.
+
+    Raises:
+        OSError: if it cannot be written.
+    """
+    lines = (",".join(f"{round(value, 6) + 0.0:g}" for value in row) for row in table)  # + 0: no minus before a 0
+    part = part_of(path)
+    try:
+        part.write_text("\n".join([f"{CASE[body]},{PARTS}", *lines]) + "\n")
+        part.replace(path)
+    except OSError:
+        part.unlink(missing_ok=True)
+        raise
+
+
+def run_all(options: argparse.Namespace) -> None:
+    """Print a row for each angle, and write the series of all that have ended.
+
+    Raises:
+        ArithmeticError: if a flow blows up.
+        OSError: if the series cannot be written.
+    """
+    if options.csv:
+        # What cannot be written is known before the first run, and a file of before stays until there is a new one.
+        probe = part_of(Path(options.csv))
+        probe.write_text("")
+        probe.unlink()
     grid = Grid(BODIES[options.body](), options.radial, options.around, options.outer)
     names = ["Re", "angle", *PARTS.split(","), "amplitude of Cl", "St", "wake length"]
     print("| " + " | ".join(names) + " |\n" + "|---" * len(names) + "|")
-    table = []
+    table: list[list[float]] = []
     for angle in options.angle:
         flow = Flow(grid, options.reynolds, np.radians(angle), options.swirl)
-        try:
-            series = np.array([force.row for force in flow.run(options.step, options.end_time)])
-        except ArithmeticError as error:
-            print(f"{error}; choose a --step less than {options.step:g}", file=sys.stderr)
-            return 1
+        series = np.array([force.row for force in flow.run(options.step, options.end_time)])
         print(f"| {options.reynolds:g} | {angle:g} | {describe(flow, series, options.window)} |", flush=True)
         if flow.rim > RIM:
             print(f"vorticity {flow.rim:.1e} is at the outermost ring; choose a larger --outer", file=sys.stderr)
         case = options.reynolds if options.body == "cylinder" else angle
         table += [[case, *row] for row in sampled(series, options.interval)]
-    if options.csv:
-        lines = (",".join(f"{round(value, 6) + 0.0:g}" for value in row) for row in table)  # + 0: no minus before a 0
-        Path(options.csv).write_text("\n".join([f"{CASE[options.body]},{PARTS}", *lines]) + "\n")
+        if options.csv:
+            written(Path(options.csv), options.body, table)
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run; return 1 if a flow blew up, 3 if the series could not be written, 130 for Ctrl-C. Angles that ended are kept."""
+    options = options_of(arguments)
+    try:
+        run_all(options)
+    except ArithmeticError as error:
+        print(f"{error}; choose a --step less than {options.step:g}", file=sys.stderr)
+        return 1
+    except OSError as error:
+        print(
+            f"--csv {options.csv}: could not be written: {error.strerror}; make room or choose another file", file=sys.stderr
+        )
+        return 3
+    except KeyboardInterrupt:
+        print("stopped; angles that had ended are kept", file=sys.stderr)
+        return 130
     return 0
 
 

@@ -26,6 +26,8 @@ def test_the_map_takes_the_circle_to_the_airfoil(airfoil):
     assert np.abs(np.abs(z.imag) - stream.naca0012(z.real)).max() < 1e-8
     assert z.real.min() < 1e-5 and z.real.max() > 1 - 1e-4
     table = np.genfromtxt(REFERENCE / "k_naca0012_coordinates_closed_TE.csv", delimiter=",", names=True)
+    # the corner is that of the trailing edge: what is left of it would make the series go on
+    assert np.abs(airfoil.coefficients[1000:]).max() < 1e-10
     upper = z[:500][::-1]
     # the first stations are on the nose, which stands upright: there the points of the map make a polygon
     ordinate = np.interp(table["x_upper_over_c"], upper.real, upper.imag)[5:-1]
@@ -43,23 +45,25 @@ def test_the_map_is_conformal_and_becomes_a_scale_far_away(airfoil):
 
 
 def poisson_error(body, count):
-    """Return the largest error of a stream function with two modes that is 0 and has the slope sin(theta) at the wall."""
-    grid = stream.Grid(body, count, count, 20.0)
+    """Return the largest errors of a stream function with two modes that is 0 at the wall, and of its slope there over 9.
+
+    The first decays as it does without vorticity from the outer ring on, which is near.
+    """
+    grid = stream.Grid(body, count, count, 6.0)
     xi, theta = grid.xi[:, None], grid.theta
-    psi = xi * np.exp(-4 * xi) * np.sin(theta) + xi**2 * np.exp(-4 * xi) * np.cos(3 * theta)
-    # the sum of the second derivatives of both terms
-    first = (15 * xi - 8) * np.exp(-4 * xi) * np.sin(theta)
-    third = (7 * xi**2 - 16 * xi + 2) * np.exp(-4 * xi) * np.cos(3 * theta)
-    vorticity = -(first + third) / grid.jacobian
+    psi = (np.exp(-xi) - np.exp(-10 * xi)) * np.sin(theta) + xi**2 * np.exp(-10 * xi) * np.cos(3 * theta)
+    # minus the sum of the second derivatives of both terms
+    vorticity = 99 * np.exp(-10 * xi) * np.sin(theta) - (91 * xi**2 - 40 * xi + 2) * np.exp(-10 * xi) * np.cos(3 * theta)
     solver = stream.Poisson(grid)
-    return np.abs(solver.solve(vorticity) - psi).max(), np.abs(solver.slope(vorticity) - np.sin(theta)).max()
+    vorticity = vorticity / grid.jacobian
+    return np.abs(solver.solve(vorticity) - psi).max(), np.abs(solver.slope(vorticity) / 9 - np.sin(theta)).max()
 
 
 def test_the_stream_function_and_its_slope_at_the_wall_are_of_second_order(airfoil):
     for body in (stream.Cylinder(), airfoil):
         coarse, fine = np.array(poisson_error(body, 48)), np.array(poisson_error(body, 96))
         assert (fine < [2e-3, 1e-2]).all()
-        assert np.all(coarse / fine > 3.5)
+        assert np.all((coarse / fine > 3.5) & (coarse / fine < 4.5))
 
 
 def test_periodic_and_other_tridiagonal_systems_are_solved():
@@ -93,18 +97,20 @@ def test_a_start_at_once_has_the_drag_of_the_layer_half_of_it_friction():
             assert abs(force.total.imag) < 1e-9
 
 
-@pytest.mark.parametrize(
-    ("name", "reynolds", "angle", "size"), [("cylinder", 100, 0, (64, 96)), ("naca0012", 1000, 8, (80, 160))]
-)
-def test_the_force_at_the_wall_is_the_rate_of_the_impulse(name, reynolds, angle, size):
-    """And the total circulation stays 0."""
-    flow, forces = started(stream.BODIES[name](), float(reynolds), angle, size, 2.5e-3, 0.5)
-    before = flow.impulse()
-    flow.step(2.5e-3)
-    rate = (flow.impulse() - before) / 2.5e-3
-    force = (forces[-1].total + flow.force().total) / 2
-    assert abs(rate - force) < 0.02 * abs(force)
-    assert abs(flow.grid.integral(flow.vorticity)) < 1e-10
+@pytest.mark.parametrize(("name", "reynolds", "angle", "size"), [("cylinder", 100, 0, 40), ("naca0012", 1000, 8, 40)])
+def test_the_force_at_the_wall_becomes_the_rate_of_the_impulse(name, reynolds, angle, size):
+    """What both differ by falls by 4 with half the spacing and step; the total circulation stays 0."""
+    differences = []
+    for part in (1, 2):
+        step = 5e-3 / part
+        flow, forces = started(stream.BODIES[name](), float(reynolds), angle, (part * size, 2 * part * size), step, 0.5)
+        before = flow.impulse()
+        flow.step(step)
+        force = (forces[-1].total + flow.force().total) / 2
+        differences.append(abs((flow.impulse() - before) / step - force) / abs(force))
+        assert abs(flow.grid.integral(flow.vorticity)) < 1e-10
+    assert 3 < differences[0] / differences[1] < 5.5
+    assert differences[1] < 0.02
 
 
 def test_the_wall_is_at_rest():
@@ -154,12 +160,15 @@ def test_the_series_of_the_airfoil_in_the_references_is_that_of_a_coarser_grid(a
     assert force.friction == pytest.approx(row["Cd_friction"] + 1j * row["Cl_friction"], rel=0.03)
 
 
-def test_the_steady_drag_of_a_cylinder_and_its_wake_are_those_of_the_table():
-    table = np.genfromtxt(REFERENCE / "j_cylinder_stream_function.csv", delimiter=",", names=True)
+def test_the_steady_drag_of_a_cylinder_and_its_wake_are_among_those_of_the_papers():
+    """Re = 40; beyond what the papers differ by, 2 % for a coarse grid at t = 20."""
+    path = REFERENCE / "j_cylinder_steady_periodic_table.csv"
+    table = np.genfromtxt(path, delimiter=",", names=True, usecols=(0, 2, 6))
+    papers = table[table["Re"] == 40]
+    drag, length = papers["Cd_mean"], papers["wake_length_over_D"]
     flow, forces = started(stream.Cylinder(), 40.0, 0.0, (48, 64), 1 / 64, 20.0, outer=40.0)
-    fall = 1.031  # of the drag from t = 20 to the 200 of the table
-    assert forces[-1].total.real == pytest.approx(fall * table["Cd_mean"][0], rel=0.01)
-    assert 2.1 < flow.wake_length() < 2.3
+    assert 0.98 * np.nanmin(drag) < forces[-1].total.real < 1.02 * np.nanmax(drag)
+    assert 0.98 * np.nanmin(length) < flow.wake_length() < 1.02 * np.nanmax(length)
 
 
 def test_the_script_writes_its_table_and_series(tmp_path, capsys):
@@ -173,10 +182,51 @@ def test_the_script_writes_its_table_and_series(tmp_path, capsys):
     assert (table["Cl"][:3] < 1e-6).all() and (table["Cl"][3:] > 0.05).all()
 
 
+def test_what_ended_is_kept_where_a_later_run_fails(tmp_path, capsys, monkeypatch):
+    path = tmp_path / "series.csv"
+    size = ["--radial", "32", "--around", "32", "--end-time", "0.2", "--csv", str(path)]
+    run = stream.Flow.run
+    for fault, code in ((ArithmeticError("the flow blew up"), 1), (KeyboardInterrupt(), 130)):
+
+        def fail_at_an_angle(flow, *given, fault=fault):
+            if flow.direction.imag:
+                raise fault
+            return run(flow, *given)
+
+        monkeypatch.setattr(stream.Flow, "run", fail_at_an_angle)
+        assert stream.main(["naca0012", "--angle", "0", "4", *size]) == code
+        assert len(path.read_text().splitlines()) == 3 and capsys.readouterr().err
+    assert [file.name for file in tmp_path.iterdir()] == ["series.csv"]
+
+
+def test_a_series_that_cannot_be_written_is_said_and_leaves_the_file_of_before(tmp_path, capsys, monkeypatch):
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    path = tmp_path / "series.csv"
+    path.write_text("of before")
+    monkeypatch.setattr(Path, "replace", full)  # the disk fills up while it runs
+    small = ["--radial", "32", "--around", "32", "--end-time", "0.2", "--csv", str(path)]
+    assert stream.main(["cylinder", *small]) == 3
+    assert "| 100 | 0 |" in capsys.readouterr().out
+    monkeypatch.setattr(Path, "write_text", full)  # or is full
+    assert stream.main(["cylinder", *small]) == 3
+    told = capsys.readouterr()
+    assert "--csv" in told.err and "No space left" in told.err and not told.out
+    monkeypatch.undo()
+    assert path.read_text() == "of before" and len(list(tmp_path.iterdir())) == 1
+
+
 def test_a_flow_that_blows_up_is_said_to(capsys):
     arguments = ["cylinder", "--reynolds", "1e4", "--radial", "64", "--around", "64", "--step", "0.2", "--end-time", "40"]
     assert stream.main(arguments) == 1
     assert "--step less than 0.2" in capsys.readouterr().err
+
+
+def test_a_swirl_behind_an_airfoil_is_refused(capsys):
+    with pytest.raises(SystemExit) as ended:
+        stream.main(["naca0012", "--swirl", "1"])
+    assert ended.value.code == 2 and "--swirl 1" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
