@@ -171,11 +171,13 @@ def test_a_body_in_a_stream(device):
     """No voids beside it or behind it, none of the volume lost, the force of the flow forwards, none across."""
     model = prepared(stream(), device)
     area = model.snapshot().fluid.volume.sum()
-    forces = []
-    for time in np.arange(5.0, 6.01, 0.1):
+    forces, areas = [], []
+    # A row of one spacing, 2.6 %, enters or leaves at once, every tenth of a second: the area is that of all phases of this.
+    for time in np.linspace(5.0, 6.0, 17):
         fluid = run(model, time).fluid
         forces.append(model.wall_forces())
-    assert fluid.volume.sum() == pytest.approx(area, rel=0.01)  # a row of one spacing is 2.6 %
+        areas.append(fluid.volume.sum())
+    assert np.mean(areas) == pytest.approx(area, rel=0.01)
     angle = np.linspace(0.0, 2 * np.pi, 64, endpoint=False)
     for radius in (0.35, 0.45, 0.6, 0.8):
         points = 1.5 + radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)

@@ -397,7 +397,8 @@ def test_a_swinging_drop_keeps_its_outline_and_energy(device):
     state = simulation.state
     x = state.position - state.position.mean(axis=0)
     apart = np.linalg.norm(x[:, None] - x[None], axis=2) * n
-    assert ((apart < 1.5).sum(axis=1) > 2).all(), "particles are alone"
+    # as the gauge `strays` counts; a particle of the surface may have its second neighbour 1.5 spacings away
+    assert ((apart < 2.0).sum(axis=1) > 3).all(), "particles have left the drop"
     assert np.linalg.norm(x, axis=1).max() < 1.0 + 1.0 / n
     area = 4.0 * math.sqrt(np.linalg.det(np.cov(x.T, bias=True)))
     assert abs(area - 1.0) < 2 * 0.1 / n
