@@ -123,6 +123,7 @@ def make_delta_continuity(spec: Spec, flow_part: bool = True, slow_part: bool = 
                 moved += through * (density_excess[j] - s_i)
             if wp.static(spec.free_surface):
                 crowd -= f * r2
+        beside = bool(False)  # a wall is within the support
         if wp.static(spec.walls and flow_part):
             end += int(wall_neighbours[i]) * step
             while k < end:
@@ -130,6 +131,7 @@ def make_delta_continuity(spec: Spec, flow_part: bool = True, slow_part: bool = 
                 k += step
                 d = separation(xi, position[j], wrapped, params)
                 f = slope(wp.length(d) * params.inv_h)
+                beside = beside or f < real(0.0)
                 if wp.static(roomy):
                     inside = wp.max(real(1.0) - wp.dot(d, d) * params.inv_window, real(0.0))
                     volume = params.wall_volume
@@ -148,6 +150,12 @@ def make_delta_continuity(spec: Spec, flow_part: bool = True, slow_part: bool = 
                     correctable = False  # the image of a velocity along a wall is not that of a linear field
                     # the mirror image of the particle has 2 v_w - v_i, which holds the velocity of the wall at its surface
                     rate += real(2.0) * f * params.wall_volume * wp.dot(vi - velocity[j], d)
+        elif wp.static(spec.walls and carries):
+            end += int(wall_neighbours[i]) * step
+            while k < end:
+                d = separation(xi, position[neighbour(neighbours, i, k)], wrapped, params)
+                beside = beside or slope(wp.length(d) * params.inv_h) < real(0.0)
+                k += step
         if wp.static(exact):
             m = moment * params.g_norm
             if correctable and wp.determinant(m) > real(SMALLEST_MOMENT):
@@ -158,6 +166,8 @@ def make_delta_continuity(spec: Spec, flow_part: bool = True, slow_part: bool = 
             total -= real(2.0) * density_diffusion * params.h * own.sound_speed * own.compressibility * evening
         total = total * params.g_norm
         if wp.static(carries):
+            if beside:
+                carry = vec()  # there a shift takes back a drift into the wall, so that no other place's velocity came
             carried[i] = carry * (real(0.5) * params.g_norm)
             total += real(0.5) * params.g_norm * moved / real(clock[STEP])
         if wp.static(roomy):
