@@ -167,7 +167,7 @@ def make_delta_continuity(spec: Spec, flow_part: bool = True, slow_part: bool = 
         total = total * params.g_norm
         if wp.static(carries):
             if beside:
-                carry = vec()  # there a shift takes back a drift into the wall, so that no other place's velocity came
+                carry = vec()  # it would cost bodies their drag (theory: delta#d4)
             carried[i] = carry * (real(0.5) * params.g_norm)
             total += real(0.5) * params.g_norm * moved / real(clock[STEP])
         if wp.static(roomy):

@@ -11,10 +11,12 @@ from tests.helpers import Bench, Fluid, lattice
 from tests.scenes import PERIODIC
 from warpsph import Simulation
 from warpsph.case.case import Case
+from warpsph.engine.program import Stage
 from warpsph.errors import CaseError
 from warpsph.kernels.core.clock import TIME
 from warpsph.kernels.core.eigenvalue import make_least_eigenvalue
 from warpsph.kernels.core.spec import Spec, types
+from warpsph.kernels.delta.delta_continuity import make_delta_continuity
 from warpsph.running.divergence import runaway_particle
 from warpsph.running.model import Model
 from warpsph.schemes import delta_program as delta
@@ -197,6 +199,28 @@ def test_what_a_shift_carries_is_that_of_the_new_place():
         inside = whole(bench, x)
         exact = np.broadcast_to(gradient @ [1e-3, 2e-3], (inside.sum(), 2))
         np.testing.assert_allclose(bench.get("carried")[inside], exact, rtol=2e-3)
+
+
+WALLED = dataclasses.replace(BASE, shifting=True, shift_form="consistent", walls=True)
+
+
+@pytest.mark.parametrize("options", [{}, {"flow_part": False}], ids=["leapfrog", "runge_kutta"])
+def test_a_shift_carries_no_velocity_beside_a_wall(options):
+    """None where a wall is within the support, that of the new place a support and more away from it, in both integrators."""
+    gradient = np.array([[1.0, 2.0], [-3.0, -1.0]])
+    x = lattice((18, 18), SPACING, 0.0, 1, centre=False)
+    floor = lattice((18, 4), SPACING, 0.0, 1, centre=False) - [0.0, 4 * SPACING]
+    bench = Bench(WALLED, x, walls=floor, spacing=SPACING, ratio=2.0, fluids=(WATER,), lower=0.0, upper=1.8, width=120,
+                  values=NUMBERS, velocity=x @ gradient.T)  # fmt: skip
+    bench.put("shift", [1e-3, 2e-3])
+    bench.particles.put("midway", bench.particles.get("position")[: len(x)])
+    bench.run(Stage("continuity", make_delta_continuity(WALLED, **options), "fluid", ""))
+    carried = bench.get("carried")
+    touches = x[:, 1] + 0.5 * SPACING < bench.support - 1e-9  # the first row of the wall is half a spacing below its surface
+    assert (carried[touches] == 0).all()
+    inside = whole(bench, x) & ~touches
+    np.testing.assert_allclose(carried[inside], np.broadcast_to(gradient @ [1e-3, 2e-3], (inside.sum(), 2)), rtol=2e-3)
+    assert np.abs(carried[~touches & (x[:, 1] < bench.support)]).min() > 0
 
 
 # whole runs -------------------------------------------------------------------------------------------------
