@@ -206,7 +206,7 @@ WALLED = dataclasses.replace(BASE, shifting=True, shift_form="consistent", walls
 
 @pytest.mark.parametrize("options", [{}, {"flow_part": False}], ids=["leapfrog", "runge_kutta"])
 def test_a_shift_carries_no_velocity_beside_a_wall(options):
-    """None where a wall is within the support, that of the new place a support and more away from it, in both integrators."""
+    """None where a wall is within the support, that of the new place beyond, in both integrators."""
     gradient = np.array([[1.0, 2.0], [-3.0, -1.0]])
     x = lattice((18, 18), SPACING, 0.0, 1, centre=False)
     floor = lattice((18, 4), SPACING, 0.0, 1, centre=False) - [0.0, 4 * SPACING]
