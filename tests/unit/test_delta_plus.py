@@ -206,13 +206,14 @@ WALLED = dataclasses.replace(BASE, shifting=True, shift_form="consistent", walls
 
 @pytest.mark.parametrize("options", [{}, {"flow_part": False}], ids=["leapfrog", "runge_kutta"])
 def test_a_shift_carries_no_velocity_beside_a_wall(options):
-    """None where a wall is within the support, that of the new place beyond, in both integrators."""
+    """None where a wall is within the support, that of the new place beyond, in both integrators; density everywhere."""
     gradient = np.array([[1.0, 2.0], [-3.0, -1.0]])
     x = lattice((18, 18), SPACING, 0.0, 1, centre=False)
     floor = lattice((18, 4), SPACING, 0.0, 1, centre=False) - [0.0, 4 * SPACING]
     bench = Bench(WALLED, x, walls=floor, spacing=SPACING, ratio=2.0, fluids=(WATER,), lower=0.0, upper=1.8, width=120,
-                  values=NUMBERS, velocity=x @ gradient.T)  # fmt: skip
+                  values=NUMBERS, velocity=x @ gradient.T, excess=1e-3 * x[:, 0])  # fmt: skip
     bench.put("shift", [1e-3, 2e-3])
+    bench.set_clock(STEP=0.01)
     bench.particles.put("midway", bench.particles.get("position")[: len(x)])
     bench.run(Stage("continuity", make_delta_continuity(WALLED, **options), "fluid", ""))
     carried = bench.get("carried")
@@ -221,6 +222,9 @@ def test_a_shift_carries_no_velocity_beside_a_wall(options):
     inside = whole(bench, x) & ~touches
     np.testing.assert_allclose(carried[inside], np.broadcast_to(gradient @ [1e-3, 2e-3], (inside.sum(), 2)), rtol=2e-3)
     assert np.abs(carried[~touches & (x[:, 1] < bench.support)]).min() > 0
+    if options:  # the rate of the density is then what the shift carries alone
+        between = (x[:, 0] > bench.support) & (x[:, 0] < bench.upper[0] - bench.support)
+        assert bench.get("density_rate")[touches & between].min() > 0
 
 
 # whole runs -------------------------------------------------------------------------------------------------
