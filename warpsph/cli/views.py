@@ -17,11 +17,13 @@ def print_estimate(case: Case) -> None:
 
     found = estimate(case)
     about = "about " if "refused" in found else ""
+    across = found.get("sound_across")
     rows = [
         ("fluid particles", f"{about}{format_cell(found['particles'])}"),
         ("wall particles", f"{about}{format_cell(found['walls'])}"),
         ("memory of the device", f"{about}{mebibytes(found['memory_bytes'])}"),
         ("memory of the host", f"about {mebibytes(found['host_bytes'])}"),
+        ("lowest sound across the stream", None if across is None else f"{across:.3g} 1/s"),
         ("time step", None if found.get("dt") is None else f"{found['dt']:.3g} s"),
         ("steps", found.get("steps")),
         ("estimated time", duration(found["seconds"]) if "seconds" in found else None),

@@ -13,10 +13,12 @@ from warpsph.engine import free_memory
 from warpsph.engine.program import lines
 from warpsph.running import memory
 from warpsph.scene.geometry import build
+from warpsph.scene.open_faces import open_axis
 from warpsph.scene.physics import derive, support_radius
 
 if TYPE_CHECKING:
     from warpsph.case.case import Case
+    from warpsph.scene.physics import Physics
 
     CaseLike = Case | Path | str | Mapping[str, Any]
 
@@ -68,6 +70,7 @@ def describe(case: CaseLike) -> dict[str, Any]:
 def estimate(case: CaseLike) -> dict[str, Any]:
     """Return particle counts, memory of the device and of the host [bytes], time step [s], steps, seconds, and warnings.
 
+    `sound_across` is the frequency of the lowest sound across a stream [1/s], see `lowest_sound_across`.
     Where the particles do not even fit the memory that building them takes, there are the first four alone, from
     arithmetic, and `refused`, the CapacityError to raise.
     """
@@ -106,5 +109,25 @@ def estimate(case: CaseLike) -> dict[str, Any]:
         "dt": dt,
         "steps": steps,
         "seconds": steps * geometry.count / (GUESSED_RATE * 1e6),
+        "sound_across": lowest_sound_across(case, physics),
         "warnings": warnings,
     }
+
+
+def lowest_sound_across(case: Case, physics: Physics) -> float | None:
+    """Return the frequency of the lowest sound across a stream between open sides [1/s]; None without a stream or sound.
+
+    c/(2 L) between walls L apart, c/L where the domain is periodic. Sound of this frequency does not travel along the
+    stream and finds no way out: a body that sheds vortices near it rings with its own box (theory: riemann#sound-across).
+    """
+    axis = open_axis(case)
+    if axis < 0 or physics.acoustic <= 0.0:
+        return None
+    lengths = [upper - lower for lower, upper in zip(case.domain.lower, case.domain.upper, strict=True)]
+    waves = [
+        length if periodic else 2.0 * length
+        for other, (length, periodic) in enumerate(zip(lengths, case.periodic, strict=True))
+        if other != axis
+    ]
+    # slow sound, where the pressure relaxes too: not the one that limits the step
+    return min(max(physics.sound_speed) / wave for wave in waves) if waves else None

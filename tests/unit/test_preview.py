@@ -1,0 +1,31 @@
+"""What `check` foretells of a run."""
+
+from pathlib import Path
+
+import pytest
+
+from warpsph.case.case_file import load_case
+from warpsph.running.preview import estimate
+
+CASES = Path(__file__).parents[2] / "cases"
+NARROW = ["domain.lower=[-4, -5]", "domain.upper=[10, 5]", "particle_spacing=1/8", "phases.water.sound_speed=15"]
+
+
+@pytest.mark.parametrize(
+    ("changes", "frequency"),
+    [
+        ([], 15 / 20),  # half a wave fits between walls 10 apart
+        (["domain.boundary.y=periodic"], 15 / 10),  # a whole one in a period
+        (["numerics.scheme=riemann", "phases.water.sound_speed=30"], 30 / 20),
+    ],
+)
+def test_the_lowest_sound_across_a_stream(changes, frequency):
+    case = load_case(CASES / "cylinder_periodic.yaml", overrides=[*NARROW, *changes])
+    assert estimate(case)["sound_across"] == pytest.approx(frequency)
+
+
+@pytest.mark.parametrize(
+    ("name", "changes"), [("taylor_green", []), ("backward_step", ["numerics.scheme=isph", "particle_spacing=1/5"])]
+)
+def test_nothing_sounds_without_a_stream_or_without_sound(name, changes):
+    assert estimate(load_case(CASES / f"{name}.yaml", overrides=changes))["sound_across"] is None
