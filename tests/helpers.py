@@ -217,7 +217,8 @@ class Setup:
             row.stiffness = fluid.density * fluid.sound_speed**2 / fluid.gamma
             row.impedance = fluid.density * fluid.sound_speed
             row.compressibility = 1.0 / (fluid.density * fluid.sound_speed**2)
-            row.mobility = dissipation / (fluid.density * fluid.sound_speed)
+            row.resistance = row.impedance + (0.0 if spec.paper_star else 2.0 * fluid.viscosity / spacing)
+            row.mobility = dissipation / row.resistance
             rows.append(row)
         matrix = np.full((len(fluids), len(fluids)), float(tension))
         self.values = {

@@ -60,8 +60,9 @@ def make_phase(precision: str) -> Any:
         background: real  # background pressure p0 [Pa]
         viscosity: real  # dynamic viscosity mu [Pa s]
         impedance: real  # Z = rho0 c [kg/(m^2 s)]
+        resistance: real  # Z + 2 mu/dx, pressure that a speed meets between two particles [kg/(m^2 s)]
         compressibility: real  # 1/(rho0 c^2) [1/Pa]
-        mobility: real  # theta/Z, star velocity for a pressure difference [m/(s Pa)]
+        mobility: real  # theta over the resistance, star velocity for a pressure difference [m/(s Pa)]
         most_excess: real  # density excess beyond which a run has diverged [-]
 
     return Phase

@@ -241,7 +241,7 @@ def make_continuity(spec: Spec) -> Any:
                         driving = params.dissipation * dp
                         if wp.static(sided):
                             # what drives the pressures of the two together is kept apart: it may not overshoot
-                            both = own.impedance + other.impedance
+                            both = own.resistance + other.resistance
                             evening += real(2.0) * f * r * driving / both
                             stiffness -= real(2.0) * f * r * own.impedance / both
                             plain_stiffness -= f * r
@@ -296,7 +296,8 @@ def make_continuity(spec: Spec) -> Any:
             )  # fmt: skip
         if wp.static(sided):
             hard = real(clock[STEP]) * own.sound_speed * params.dissipation * params.g_norm * hardened
-            rate += bounded(evening, hard * stiffness, hard * softened * plain_stiffness, hard * softened * own_stiffness)
+            alike = hard * softened * own.impedance / own.resistance
+            rate += bounded(evening, hard * stiffness, alike * plain_stiffness, alike * own_stiffness)
 
         s = density_excess[i]
         if wp.static(damps):

@@ -260,7 +260,11 @@ class Model:
             row.impedance = given.density * row.sound_speed
             row.compressibility = 1.0 / (given.density * c**2)
             row.most_excess = physics.most_excess(given.gamma, given.density, c)
-            row.mobility = float(physics.choices.get("velocity_dissipation", 0.0)) / row.impedance
+            # friction of half a cell, mu/(dx/2), beside that of sound; the printed states know none (riemann#viscous-star)
+            printed = physics.choices.get("star_states") == "arithmetic"
+            friction = 0.0 if printed else 2.0 * given.viscosity / case.spacing
+            row.resistance = row.impedance + friction
+            row.mobility = float(physics.choices.get("velocity_dissipation", 0.0)) / row.resistance
             rows.append(row)
         return rows
 
