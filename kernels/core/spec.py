@@ -37,6 +37,7 @@ class Spec:
         wall_no_slip: some wall exerts viscous friction (then `viscosity` is not "none").
         viscosity: "none", "morris", "radial" or "paper".
         viscous_stages: stages of friction in a step, 1 where it is explicit (riemann).
+        unlike_viscosity: phases differ in viscosity, so that friction between them asks for depths (riemann).
         tension: "none", "pressure_jump" or "body_force".
         triple: three phases with tensions between them, whose interfaces may meet.
         contact_angle: interfaces meet walls at given angles.
@@ -100,6 +101,7 @@ class Spec:
     wall_no_slip: bool = False
     viscosity: str = "none"
     viscous_stages: int = 1
+    unlike_viscosity: bool = False
     tension: str = "none"
     triple: bool = False
     contact_angle: bool = False

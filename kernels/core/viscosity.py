@@ -1,6 +1,6 @@
 """Viscous pair terms (theory: riemann#a4). Each returns the factor-free vector that is summed with F V_j, F = W'/r <= 0.
 
-The acceleration is (1/rho_i) sum_j mu_ij term(v_ij, x_ij) F_ij V_j, mu_ij the harmonic mean 2 mu_i mu_j/(mu_i+mu_j).
+The acceleration is (1/rho_i) sum_j mu_ij term(v_ij, x_ij) F_ij V_j, mu_ij the mean of both viscosities in series.
 """
 
 import functools
@@ -45,6 +45,22 @@ def make_viscosity(form: str, dimension: int, precision: str) -> Any:
     return viscous_term
 
 
+@functools.cache
+def make_series_mean(precision: str) -> Any:
+    """Return the `wp.func` series_mean(mu_i, mu_j, a_i, a_j) = (a_i + a_j)/(a_i/mu_i + a_j/mu_j) [Pa s].
+
+    a_i, a_j: depths of both particles below their interface, in one unit (theory: riemann#a4). With equal ones it is the
+    harmonic mean; with theirs the stress is right for a velocity that is linear on each side.
+    """
+    real = types(2, precision).real
+
+    @wp.func
+    def series_mean(mu_i: real, mu_j: real, a_i: real, a_j: real):
+        return (a_i + a_j) * mu_i * mu_j / wp.max(a_i * mu_j + a_j * mu_i, real(1.0e-30))
+
+    return series_mean
+
+
 class InterfaceStress(NamedTuple):
     """`wp.func`s of what the friction of pairs lacks between two fluids: a traction along, a jump of the pressure across."""
 
@@ -54,7 +70,7 @@ class InterfaceStress(NamedTuple):
 
 @functools.cache
 def make_interface_stress(dimension: int, precision: str) -> InterfaceStress:
-    """Return traction(mu_i, mu_j, G, n, fd) and pressure(mu_i, mu_j, G, n) (theory: riemann#a4).
+    """Return traction(mu_i, mu_ij, G, n, fd) and pressure(mu_i, mu_j, G, n) (theory: riemann#a4).
 
     The pairs of the Morris form have the stress mu grad v alone. The rest, mu grad v^T, has no divergence within a fluid,
     but pulls at an interface with (mu_j - mu_i) grad(v.n), which is the same vector on both sides.
@@ -71,8 +87,7 @@ def make_interface_stress(dimension: int, precision: str) -> InterfaceStress:
     real, vec, mat, _ = types(dimension, precision)
 
     @wp.func
-    def traction(mu_i: real, mu_j: real, gradient: mat, n: vec, fd: vec):
-        mean = real(2.0) * mu_i * mu_j / wp.max(mu_i + mu_j, real(1.0e-30))
+    def traction(mu_i: real, mean: real, gradient: mat, n: vec, fd: vec):
         pull = wp.transpose(gradient) * fd
         return (real(2.0) * (mean - mu_i)) * (pull - (real(2.0) * wp.dot(n, pull)) * n)
 

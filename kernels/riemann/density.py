@@ -188,9 +188,8 @@ def make_continuity(spec: Spec) -> Any:
         if wp.static(spec.dissipation and spec.multiphase):
             hardened, softened = hardening(rest_volume[i] / (state_old[i][1] * real(PRESSED)), own.gamma)
             inv_z *= softened
-        rate = real(0.0)
-        blur = real(0.0)  # part of the rate from pressure differences, where sound is damped
-        evening = real(0.0)  # part of the rate from pressure differences to other phases
+        # the rate; its parts from pressure differences where sound is damped, and to other phases
+        rate, blur, evening = real(0.0), real(0.0), real(0.0)
         # its derivative by the own pressure, over c_i; what it would be among the own phase; that of pairs of the own phase
         stiffness, plain_stiffness, own_stiffness = real(0.0), real(0.0), real(0.0)
         flow, moment = mat(), mat()  # sums of (v_j - v_i) (x) F V x_ij and of -x_ij (x) F V x_ij

@@ -10,6 +10,11 @@ counterpart in p*, so the work of the pressures is not what the flow gains, and 
 (docs/records/tension.md).
 The second tells a particle at an interface from one that is alone among the other phase: it is zero where no one side
 faces the others.
+
+Where viscosities differ, friction asks for the depth a_i of a particle below the interface too. It follows from the share of
+the others, as below a plane:
+    share_i = sum_other w V_j / sum w V_j = int_a^R w1 / int w1,   w = (1 - r^2/R^2)^n,  w1 = (1 - a^2/R^2)^3
+with n = 3, 5/2, 2 in 1 to 3 dimensions, which make the integral w1 of w over planes the same polynomial, and R the support.
 """
 
 import functools
@@ -19,8 +24,8 @@ import warp as wp
 
 from warpsph.kernels.core.pair import NEAR, list_access, separation_of
 from warpsph.kernels.core.params import make_params
-from warpsph.kernels.core.smoothing import make_smoothing
-from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, types_of
+from warpsph.kernels.core.smoothing import KERNELS, make_smoothing
+from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, types, types_of
 
 # Root 1/d of the determinant of the own phase's moment, 1 inside a fluid, 0.5 at a flat surface. Below the first the
 # gradient fades, below the second it is zero: a drop of a few particles moves as one.
@@ -29,6 +34,42 @@ FULL, NONE = 0.3, 0.15
 CLEAR = 0.3
 # h times the gradient of the share of other phases, of order 1 beside an interface, below which it points nowhere.
 FAINT = 1.0e-6
+# Least depth over the spacing, that of the first row on a lattice: what is nearer is disorder, and would be stiff.
+FIRST_ROW = 0.5
+NEWTON_STEPS = 5  # to 2e-8 of the support at 0.7 of it; what is deeper has no neighbours across that count
+
+
+@functools.cache
+def make_depth(dimension: int, precision: str) -> Any:
+    """Return the `wp.func`s window(r^2/R^2), the weight of a neighbour, and depth(share) = a/R below a plane.
+
+    The latter solves (35/32)(z - z^3 + 3/5 z^5 - z^7/7) = 1/2 - share by Newton's method, from below, where it does not
+    overshoot.
+    """
+    real = types(dimension, precision).real
+
+    @wp.func
+    def window(q2: real):
+        u = wp.max(real(1.0) - q2, real(0.0))
+        w = u * u
+        if wp.static(dimension == 1):
+            w = w * u
+        if wp.static(dimension == 2):
+            w = w * wp.sqrt(u)
+        return w
+
+    @wp.func
+    def depth(share: real):
+        aim = real(35.0 / 32.0)
+        aim = (real(0.5) - wp.min(share, real(0.5))) / aim
+        z = aim
+        for _ in range(wp.static(NEWTON_STEPS)):
+            z2 = z * z
+            u = wp.max(real(1.0) - z2, real(0.1))
+            z += (aim - z * (real(1.0) - z2 * (real(1.0) - z2 * (real(0.6) - z2 / real(7.0))))) / (u * u * u)
+        return z
+
+    return window, depth
 
 
 @functools.cache
@@ -40,6 +81,8 @@ def make_interface_flow(spec: Spec) -> Any:
     separation = separation_of(spec)
     list_begin, list_step, neighbour, Listed = list_access(spec)
     full, none = FULL**spec.dimension, NONE**spec.dimension
+    window, depth = make_depth(spec.dimension, spec.precision)
+    support = KERNELS[spec.kernel].support
 
     @wp.kernel(module="unique", enable_backward=False, module_options=SWEEP_OPTIONS)
     def interface_flow(
@@ -59,6 +102,7 @@ def make_interface_flow(spec: Spec) -> Any:
         slip: wp.array(dtype=wp.uint8),
         velocity_gradient: wp.array(dtype=mat),
         facing: wp.array(dtype=vec),
+        interface_depth: wp.array(dtype=real),
     ):
         i = wp.tid() + first
         if (int(flags[i]) & NEAR) == 0:
@@ -70,6 +114,7 @@ def make_interface_flow(spec: Spec) -> Any:
         moment = mat()
         others = vec()
         all_others = real(0.0)
+        own_room, other_room = state[i][1], real(0.0)  # sums of w V
         fluid_count = particle_count - slip.shape[0]
         k = list_begin(i, list_width)
         step = list_step(particle_count)
@@ -78,7 +123,12 @@ def make_interface_flow(spec: Spec) -> Any:
             j = neighbour(neighbours, i, k)
             k += step
             d = separation(xi, position[j], True, params)
-            fd = (slope(wp.sqrt(wp.dot(d, d)) * params.inv_h) * state[j][1]) * d
+            q = wp.sqrt(wp.dot(d, d)) * params.inv_h
+            fd = (slope(q) * state[j][1]) * d
+            if wp.static(spec.unlike_viscosity):
+                room = window(q * q * real(wp.static(1.0 / support**2))) * state[j][1]
+                own_room += wp.where(phase[j] == own, room, real(0.0))
+                other_room += wp.where(phase[j] == own, real(0.0), room)
             if phase[j] == own:
                 moment -= wp.outer(d, fd)
                 flow += wp.outer(velocity[j] - vi, fd)
@@ -103,6 +153,9 @@ def make_interface_flow(spec: Spec) -> Any:
             if determinant < real(full):
                 gradient = gradient * ((determinant - real(none)) / real(full - none))
         velocity_gradient[i] = gradient
+        if wp.static(spec.unlike_viscosity):
+            a = depth(other_room / (own_room + other_room)) * real(wp.static(support))
+            interface_depth[i] = wp.max(a, real(FIRST_ROW) * params.spacing * params.inv_h)
         strength = wp.length(others)
         # what the edge of the support sees of another phase is no direction, and its reciprocal may be infinite
         if strength > real(CLEAR) * all_others and strength * (params.g_norm * params.h) > real(FAINT):

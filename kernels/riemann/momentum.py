@@ -34,7 +34,7 @@ from warpsph.kernels.core.params import make_params, make_phase
 from warpsph.kernels.core.smoothing import make_smoothing
 from warpsph.kernels.core.spec import Spec, curvature_type, pair_sweep, types_of
 from warpsph.kernels.core.time_signals import GRAVITY_NEXT, make_forcing
-from warpsph.kernels.core.viscosity import make_interface_stress, make_viscosity
+from warpsph.kernels.core.viscosity import make_interface_stress, make_series_mean, make_viscosity
 
 from .disorder import UNKNOWN, make_disorder_speed
 from .star import make_jump, make_one_sided, make_star
@@ -75,6 +75,7 @@ def make_momentum(spec: Spec) -> Any:
     sided = spec.multiphase and not spec.paper_star
     pulled = sided and spec.viscosity == "morris"  # the other forms have the whole stress in their pairs
     speed_of_disorder = make_disorder_speed(spec)
+    series_mean = make_series_mean(spec.precision)
     stress_traction, stress_jump = make_interface_stress(spec.dimension, spec.precision)
 
     @wp.func
@@ -122,6 +123,7 @@ def make_momentum(spec: Spec) -> Any:
         shift: wp.array(dtype=vec),
         carried: wp.array(dtype=vec),
         facing: wp.array(dtype=vec),
+        interface_depth: wp.array(dtype=real),
         velocity_gradient: wp.array(dtype=mat),
         pressure_gradient: wp.array(dtype=vec),
         maxima: wp.array(dtype=real),
@@ -234,6 +236,10 @@ def make_momentum(spec: Spec) -> Any:
                             apart += real(APART) * fd
                         other = phases[other_phase]
                         beside = beside or f != real(0.0)
+                        if wp.static(spec.unlike_viscosity):
+                            mu = series_mean(own.viscosity, other.viscosity, interface_depth[i], interface_depth[j])
+                        elif wp.static(viscous):
+                            mu = series_mean(own.viscosity, other.viscosity, real(1.0), real(1.0))
                         jump = real(0.0)
                         if wp.static(spec.triple):
                             jump = parts_jump(tension, own_phase, other_phase, curvature, interface_weight, i, j)
@@ -244,7 +250,7 @@ def make_momentum(spec: Spec) -> Any:
                             thick = wp.where(own.viscosity > other.viscosity, i, j)
                             grad, n = velocity_gradient[thick], facing[thick]
                             jump += stress_jump(own.viscosity, other.viscosity, grad, n)
-                            viscous_sum += stress_traction(own.viscosity, other.viscosity, grad, facing[i], fd)
+                            viscous_sum += stress_traction(own.viscosity, mu, grad, facing[i], fd)
                         p_star = star_pressure(p_i, state_j[0], own.density, other.density, jump)
                         if wp.static(sided):
                             # Directions that do not oppose: no common interface, one of the two is a splinter of a few
@@ -258,8 +264,6 @@ def make_momentum(spec: Spec) -> Any:
                         if wp.static(spec.corrected):
                             p_star -= p_i
                         pressure_sum += (real(2.0) * p_star) * fd
-                        if wp.static(viscous):
-                            mu = real(2.0) * mu * other.viscosity / wp.max(mu + other.viscosity, real(1.0e-30))
                         if wp.static(spec.interface_force):
                             repulsion += (wp.abs(p_i) + wp.abs(state_j[0])) * fd
                     if wp.static(viscous):

@@ -48,6 +48,10 @@ def _sided(spec: Spec) -> bool:
     return spec.multiphase and not spec.paper_star
 
 
+def _unlike(spec: Spec) -> bool:
+    return spec.unlike_viscosity
+
+
 RIEMANN_FIELDS: tuple[Field, ...] = (
     *COMMON,
     *FLOW,
@@ -60,6 +64,7 @@ RIEMANN_FIELDS: tuple[Field, ...] = (
     Field("rate_even", "vec", "fluid", False, _staged, "m/s^2", "y of the even ones"),
     Field("velocity_gradient", "mat", "fluid", False, _sided, "1/s", "grad v of the own phase, next to an interface"),
     Field("facing", "vec", "fluid", False, _sided, "-", "unit vector to the other phases, next to an interface"),
+    Field("interface_depth", "real", "fluid", False, _unlike, "1", "depth below an interface over h, next to it"),
     Field("flow_gradient", "mat", "fluid", True, _disorder, "1/s", "grad v of the own phase, of the last momentum sweep"),
     Field("disorder_speed", "real", "fluid", True, _disorder, "m/s", "b of the friction of disorder, -1 without a gradient"),
     Field("disorder_force", "vec", "fluid", False, _disorder, "m/s^2", "friction of disorder, for the momentum sweep"),

@@ -20,7 +20,7 @@ from warpsph.kernels.core.pair import NEAR, WRAPPED, list_access, separation_of
 from warpsph.kernels.core.params import make_params, make_phase
 from warpsph.kernels.core.smoothing import make_smoothing
 from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, types_of
-from warpsph.kernels.core.viscosity import make_viscosity
+from warpsph.kernels.core.viscosity import make_series_mean, make_viscosity
 
 
 @functools.cache
@@ -36,6 +36,7 @@ def make_viscous_stage(spec: Spec, closing: bool) -> Any:
     separation = separation_of(spec)
     list_begin, list_step, neighbour, Listed = list_access(spec)
     viscous_term = make_viscosity(spec.viscosity, spec.dimension, spec.precision)
+    series_mean = make_series_mean(spec.precision)
     periodic = any(spec.periodic)
 
     @wp.kernel(module="unique", enable_backward=False, module_options=SWEEP_OPTIONS)
@@ -61,6 +62,7 @@ def make_viscous_stage(spec: Spec, closing: bool) -> Any:
         rest_volume: wp.array(dtype=real),
         slip: wp.array(dtype=wp.uint8),
         mirror_ratio: wp.array(dtype=real),
+        interface_depth: wp.array(dtype=real),
         rate_now: wp.array(dtype=vec),
         rate_before: wp.array(dtype=vec),
         rate_next: wp.array(dtype=vec),
@@ -92,8 +94,13 @@ def make_viscous_stage(spec: Spec, closing: bool) -> Any:
                     d = separation(xi, position[j], wrapped, params)
                     r2 = wp.dot(d, d)
                     f = slope(wp.sqrt(r2) * params.inv_h) * state[j][1]
-                    other = phases[int(phase[j])].viscosity
-                    mu = real(2.0) * own.viscosity * other / wp.max(own.viscosity + other, real(1.0e-30))
+                    mu = own.viscosity
+                    if int(phase[j]) != own_phase:
+                        other = phases[int(phase[j])].viscosity
+                        if wp.static(spec.unlike_viscosity):
+                            mu = series_mean(own.viscosity, other, interface_depth[i], interface_depth[j])
+                        else:
+                            mu = series_mean(own.viscosity, other, real(1.0), real(1.0))
                     friction += (mu * f) * viscous_term(y - rate_now[j], d, r2 + params.tiny, params.inv_h)
         while k < end:
             j = neighbour(neighbours, i, k)

@@ -337,3 +337,48 @@ def test_printed_form_and_single_phase_have_none():
     # of the velocities and positions that both sweeps of the step use
     assert names.index("kick_drift") < names.index("interface_flow") < names.index("continuity")
     assert "interface_flow" in {stage.name for stage in riemann.start(FLAT)}
+
+
+# depth below an interface -----------------------------------------------------------------------------------
+
+UNLIKE = {"unlike_viscosity": True, "viscosity": "morris"}
+
+
+@pytest.mark.parametrize(
+    ("spec", "kernel"), [(FLAT, "wendland_c2"), (FLAT, "quintic"), (FLAT, "gaussian"), (SOLID, "wendland_c2")]
+)
+def test_depth_of_rows(spec, kernel, device):
+    """Rows of a lattice lie half a spacing deep, and one and a half: to a twentieth, which sums over rows are off by."""
+    spec = dataclasses.replace(spec, kernel=kernel, **UNLIKE)
+    bench, x = flat(spec, device=device, width=160 if spec.dimension == 2 else 260)
+    depth = bench.get("interface_depth") * bench.h / SPACING
+    chosen = near(bench) & middle(bench, x, 0.8) & (np.abs(x[:, -1]) < 2 * SPACING)
+    assert len(np.unique(np.round(np.abs(x[chosen, -1]), 6))) == 2
+    np.testing.assert_allclose(depth[chosen], np.abs(x[chosen, -1]) / SPACING, rtol=0.05)
+
+
+def test_depth_of_disordered_particles(device):
+    """To a fifth of a spacing, and never less than half a one."""
+    spec = dataclasses.replace(FLAT, **UNLIKE)
+    bench, x = flat(spec, 0.2, device=device, width=160)
+    depth = bench.get("interface_depth") * bench.h / SPACING
+    chosen = near(bench) & middle(bench, x, 0.8) & (np.abs(x[:, 1]) < 2.0 * SPACING)
+    exact = np.maximum(np.abs(x[chosen, 1]) / SPACING, 0.5)
+    assert depth[chosen].min() >= 0.5 - 1e-12
+    assert np.abs(depth[chosen] - exact).max() < 0.35 and np.sqrt(np.mean((depth[chosen] - exact) ** 2)) < 0.2
+
+
+@pytest.mark.parametrize("viscosity", [(1.0, 100.0), (10.0, 1.0)])
+def test_two_layers_in_shear_feel_nothing(viscosity, device):
+    """A velocity that is linear on each side, with one shear stress: no force; by harmonic means 6 to 8 % of the stress."""
+    found = []
+    for unlike in (True, False):
+        spec = dataclasses.replace(FLAT, viscosity="morris", unlike_viscosity=unlike)
+        fluids = tuple(Fluid(density=1.0, viscosity=mu) for mu in viscosity)
+        bench, x = flat(spec, device=device, fluids=fluids, width=160)
+        slope = np.where(x[:, 1] > 0, 1 / viscosity[1], 1 / viscosity[0])
+        bench.put("velocity", np.column_stack([slope * x[:, 1], 0 * slope]))
+        chosen = near(bench) & middle(bench, x)
+        force = bench.acceleration()[chosen]  # of a mass of 1: rho = 1
+        found.append(np.abs(force).max() * SPACING)  # over the stress of 1 by a spacing
+    assert found[0] < 0.01 and found[1] > 0.05

@@ -190,6 +190,7 @@ def derive(case: Case, geometry: Geometry, row_list: bool = True) -> Physics:
         tails=fitted and geometry.surface is not None and geometry.surface.frames.count > 0,
         wall_no_slip=viscous and bool((geometry.wall_slip[geometry.kind == 1] == 0).any()),
         viscosity=str(form) if viscous else "none",
+        unlike_viscosity=viscous and star != "arithmetic" and len({phase.viscosity for phase in phases}) > 1,
         tension=str(tension_form) if has_tension else "none",
         triple=tension_form == "pressure_jump" and not paper and not angles and has_triple_points(tension),
         contact_angle=angles,
