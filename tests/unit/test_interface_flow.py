@@ -358,7 +358,7 @@ def test_depth_of_rows(spec, kernel, device):
 
 
 def test_depth_of_disordered_particles(device):
-    """To a fifth of a spacing, and never less than half a one."""
+    """To a fifth of a spacing (root mean square), and never less than half a one."""
     spec = dataclasses.replace(FLAT, **UNLIKE)
     bench, x = flat(spec, 0.2, device=device, width=160)
     depth = bench.get("interface_depth") * bench.h / SPACING
