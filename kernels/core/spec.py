@@ -152,6 +152,11 @@ class Spec:
     row_list: bool = True
     wide_list: bool = False
 
+    @property
+    def viscous_jump(self) -> bool:
+        """Friction between fluids lacks a part of the stress, which the Morris form does not have in its pairs (riemann)."""
+        return self.unlike_viscosity and self.viscosity == "morris"
+
 
 def pair_sweep(spec: Spec, blocks: int = 4) -> dict[str, Any]:
     """Return the options of `wp.kernel` for a sweep over the pairs of a `Spec` (riemann).

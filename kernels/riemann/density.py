@@ -130,7 +130,6 @@ def make_continuity(spec: Spec) -> Any:
     (gravity_of, _), separation = make_forcing(spec), separation_of(spec)
     periodic, jumps = any(spec.periodic), spec.tension == "pressure_jump" and not spec.triple
     spray, sided = spec.free_surface and not spec.multiphase, spec.multiphase and not spec.paper_star
-    pulled = sided and spec.viscosity == "morris"  # the other forms have the whole stress in their pairs
     _, stress_jump = make_interface_stress(spec.dimension, spec.precision)
     linear = spec.bodies and spec.corrected  # exact for a linear velocity and pressure on any arrangement
     rate_at_bodies, sparse = make_body_flow(spec), SPARSE * spec.dimension
@@ -147,6 +146,7 @@ def make_continuity(spec: Spec) -> Any:
         clock: wp.array(dtype=wp.float64),
         forcing: wp.array(dtype=vec),
         velocity_gradient: wp.array(dtype=mat),
+        gradient_at_interface: wp.array(dtype=mat),
         facing: wp.array(dtype=vec),
         neighbours: Listed,
         fluid_neighbours: wp.array(dtype=wp.int16),
@@ -232,9 +232,9 @@ def make_continuity(spec: Spec) -> Any:
                         elif wp.static(jumps):
                             sigma = tension[own_phase * phases.shape[0] + other_phase]
                             dp -= laplace_jump(sigma, kappa_i, curvature[j], w_i, interface_weight[j])
-                        if wp.static(pulled):
+                        if wp.static(spec.viscous_jump):
                             thick = wp.where(own.viscosity > other.viscosity, i, j)
-                            dp -= stress_jump(own.viscosity, other.viscosity, velocity_gradient[thick], facing[thick])
+                            dp -= stress_jump(own.viscosity, other.viscosity, gradient_at_interface[thick], facing[thick])
                         inv_r = real(1.0) / wp.max(r, real(1.0e-6) * params.h)
                         u_i, u_j = -wp.dot(vi, d) * inv_r, -wp.dot(velocity[j], d) * inv_r
                         driving = params.dissipation * dp

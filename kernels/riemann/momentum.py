@@ -73,7 +73,6 @@ def make_momentum(spec: Spec) -> Any:
     body_tension = spec.tension == "body_force"
     dimension = float(spec.dimension)
     sided = spec.multiphase and not spec.paper_star
-    pulled = sided and spec.viscosity == "morris"  # the other forms have the whole stress in their pairs
     speed_of_disorder = make_disorder_speed(spec)
     series_mean = make_series_mean(spec.precision)
     stress_traction, stress_jump = make_interface_stress(spec.dimension, spec.precision)
@@ -125,6 +124,7 @@ def make_momentum(spec: Spec) -> Any:
         facing: wp.array(dtype=vec),
         interface_depth: wp.array(dtype=real),
         velocity_gradient: wp.array(dtype=mat),
+        gradient_at_interface: wp.array(dtype=mat),
         pressure_gradient: wp.array(dtype=vec),
         maxima: wp.array(dtype=real),
         zone: wp.array(dtype=wp.int8),
@@ -246,9 +246,9 @@ def make_momentum(spec: Spec) -> Any:
                         elif wp.static(jumps):
                             sigma = tension[own_phase * phases.shape[0] + other_phase]
                             jump = laplace_jump(sigma, kappa_i, curvature[j], w_i, interface_weight[j])
-                        if wp.static(pulled):
+                        if wp.static(spec.viscous_jump):
                             thick = wp.where(own.viscosity > other.viscosity, i, j)
-                            grad, n = velocity_gradient[thick], facing[thick]
+                            grad, n = gradient_at_interface[thick], facing[thick]
                             jump += stress_jump(own.viscosity, other.viscosity, grad, n)
                             viscous_sum += stress_traction(own.viscosity, mu, grad, facing[i], fd)
                         p_star = star_pressure(p_i, state_j[0], own.density, other.density, jump)
@@ -437,7 +437,7 @@ def make_momentum(spec: Spec) -> Any:
                                 linear = linear + wp.transpose(shear) * even + wp.trace(shear) * even
                             viscous_sum -= (real(2.0) * own.viscosity) * linear
                             viscous_sum = viscous_sum * (real(dimension) / wp.trace(m))
-                        elif wp.static(pulled):
+                        elif wp.static(sided and spec.viscosity == "morris"):
                             # the same with the gradient of the own phase: fluids that turn together feel nothing
                             viscous_sum -= (real(2.0) * own.viscosity) * (velocity_gradient[i] * even)
             a = total * (real(-1.0) / rho_i)

@@ -52,6 +52,10 @@ def _unlike(spec: Spec) -> bool:
     return spec.unlike_viscosity
 
 
+def _viscous_jump(spec: Spec) -> bool:
+    return spec.viscous_jump
+
+
 RIEMANN_FIELDS: tuple[Field, ...] = (
     *COMMON,
     *FLOW,
@@ -63,6 +67,7 @@ RIEMANN_FIELDS: tuple[Field, ...] = (
     Field("rate_odd", "vec", "fluid", False, _staged, "m/s^2", "y of the odd stages of friction"),
     Field("rate_even", "vec", "fluid", False, _staged, "m/s^2", "y of the even ones"),
     Field("velocity_gradient", "mat", "fluid", False, _sided, "1/s", "grad v of the own phase, next to an interface"),
+    Field("gradient_at_interface", "mat", "fluid", False, _viscous_jump, "1/s", "grad v there, from the more viscous side"),
     Field("facing", "vec", "fluid", False, _sided, "-", "unit vector to the other phases, next to an interface"),
     Field("interface_depth", "real", "fluid", False, _unlike, "1", "depth below an interface over h, next to it"),
     Field("flow_gradient", "mat", "fluid", True, _disorder, "1/s", "grad v of the own phase, of the last momentum sweep"),

@@ -24,7 +24,7 @@ FIELDS = {
     "friction of disorder": {"disorder_force", "disorder_speed", "flow_gradient"},
     "walls": {"wall_body", "wall_neighbours", "wall_impact"},
     "friction on walls": {"slip", "wall_depth", "mirror_velocity"},
-    "friction between fluids": {"interface_depth"},
+    "friction between fluids": {"interface_depth", "gradient_at_interface"},
     "tension": {"fraction", "normal", "interface_weight", "curvature", "mean_curvature"},
     "sound of tension": {"settled"},
     "interface band": {"band_mark", "band_sum", "band"},
@@ -32,6 +32,7 @@ FIELDS = {
 }
 STAGES = {
     "second phase": ["interface_flow"],
+    "friction between fluids": ["interface_gradient"],
     "walls": ["wall_state"],
     "sound of tension": ["relaxation"],
     "tension": ["own_fraction", "colour_normal", "curvature", "mean_curvature", "sharp_curvature"],
@@ -39,6 +40,7 @@ STAGES = {
 }
 KERNELS = {
     "second phase": {"interface_flow"},
+    "friction between fluids": {"interface_gradient"},
     "walls": {"wall_state"},
     "sound of tension": {"relaxation"},
     "tension": {"own_fraction", "colour_normal", "interface_curvature", "evened_curvature", "mark_band", "gather_band"},
@@ -126,9 +128,14 @@ def test_leanest_against_fullest(kernels):
             "viscosity",
             {"phases.gas.viscosity": 0, "phases.liquid.viscosity": 0},
             ["friction on walls", "friction between fluids"],
-            [],
+            ["friction between fluids"],
         ),
-        ("other viscosity", {"phases.gas.viscosity": 1, "phases.liquid.viscosity": 1}, ["friction between fluids"], []),
+        (
+            "other viscosity",
+            {"phases.gas.viscosity": 1, "phases.liquid.viscosity": 1},
+            ["friction between fluids"],
+            ["friction between fluids"],
+        ),
         ("shift", {"numerics.shifting": 0}, ["shift"], []),
         ("disorder", {"numerics.disorder_friction": 0}, ["friction of disorder"], []),
         ("constraint", {"numerics.volume_constraint": False}, [], ["volume constraint"]),

@@ -14,15 +14,16 @@ thick_drop = importlib.util.module_from_spec(loaded)
 loaded.loader.exec_module(thick_drop)
 
 
-def test_a_thick_drop_goes_back_to_a_circle():
-    """First order in the spacing, 18 % at 8 a radius; 35 % before pressures met friction (theory: riemann#viscous-star)."""
-    found = Simulation(thick_drop.case_of(8, 10.0), threads=1).run().gauge("drop")
-    rate = thick_drop.rate_of(found["time"], found["deformation drop"])
-    assert abs(rate / thick_drop.rate_of_stokes_flow(10.0) - 1) < 0.2
+@pytest.mark.parametrize(("spacings", "most"), [(8, 0.05), (12, 0.025)])
+def test_a_thick_drop_goes_back_to_a_circle(spacings, most):
+    """2.5 % slow at 8 spacings a radius, of second order; 18 % with the strain of a place inside the drop (records/shear.md)."""
+    found = Simulation(thick_drop.case_of(spacings, 10.0), threads=1).run().gauge("drop")
+    rate, begin, end = thick_drop.rate_of(found["time"], found["deformation drop"])
+    assert abs(rate / thick_drop.rate_of_stokes_flow(10.0, begin, end) - 1) < most
 
 
 def test_the_rate_of_stokes_flow(monkeypatch):
-    """Without walls that of a small wave of two lobes, tension/(mu (1 + ratio)); two per cent less at this size."""
+    """Without walls that of a small wave of two lobes, tension/(mu (1 + ratio)); 1 per cent less at this size."""
     monkeypatch.setattr(thick_drop, "Channel", lambda *size: PLANE)
     rate = thick_drop.rate_of_stokes_flow(3.0)
     assert rate == pytest.approx(10.0 / 4.0, rel=0.03)

@@ -19,6 +19,7 @@ from warpsph.kernels.riemann.drift import make_drift
 from warpsph.kernels.riemann.integrate import make_kick_drift
 from warpsph.kernels.riemann.interface import make_curvature, make_evened, make_fraction, make_normal
 from warpsph.kernels.riemann.interface_flow import make_interface_flow
+from warpsph.kernels.riemann.interface_gradient import make_interface_gradient
 from warpsph.kernels.riemann.load import make_load
 from warpsph.kernels.riemann.momentum import make_momentum
 from warpsph.kernels.riemann.printed_load import make_printed_load
@@ -178,10 +179,14 @@ def wall_load(spec: Spec) -> list[Stage]:
 
 
 def sides(spec: Spec) -> list[Stage]:
-    """Return the stage that looks at the flow on each side of the interfaces; the printed form has none."""
+    """Return the stages that look at the flow on each side of the interfaces; the printed form has none."""
     if not spec.multiphase or spec.paper_star:
         return []
-    return [Stage("interface_flow", make_interface_flow(spec), "fluid", "velocity on each side of the interfaces")]
+    stages = [Stage("interface_flow", make_interface_flow(spec), "fluid", "velocity on each side of the interfaces")]
+    if spec.viscous_jump:
+        text = "velocity gradient at interfaces, for the friction between fluids"
+        stages.append(Stage("interface_gradient", make_interface_gradient(spec), "fluid", text))
+    return stages
 
 
 def tension(spec: Spec) -> list[Stage]:
