@@ -55,8 +55,13 @@ def make_interface_gradient(spec: Spec) -> Any:
         i = wp.tid() + first
         if (int(flags[i]) & NEAR) == 0:
             return
-        xi, vi = position[i], velocity[i]
         own = phase[i]
+        thinnest = bool(True)
+        for other in range(phases.shape[0]):
+            thinnest = thinnest and phases[other].viscosity >= phases[int(own)].viscosity
+        if thinnest:
+            return
+        xi, vi = position[i], velocity[i]
         n, gradient = facing[i], velocity_gradient[i]
         even, first_moment, second_moment = real(0.0), real(0.0), real(0.0)  # sums of F V t^2, and times y, y^2
         moment = mat()
