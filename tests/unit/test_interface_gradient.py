@@ -42,7 +42,7 @@ def test_a_linear_flow_has_its_gradient(spec, device):
 @pytest.mark.parametrize("spec", [PLANE, SPACE])
 @pytest.mark.parametrize("thick", [0, 1])
 def test_a_flow_that_varies_with_the_depth_has_its_gradient_at_the_interface(spec, thick, device):
-    """v = (x y, -y^2/2) and its like in space: no strain at y = 0, where the own phase alone sees that of 1 to 2.5 spacings."""
+    """v = (x y, -y^2/2) and its like in space: no strain at y = 0; the own phase sees that of 1 to 2.5 spacings."""
 
     def velocity(x):
         axes_along = x.shape[1] - 1
@@ -50,7 +50,8 @@ def test_a_flow_that_varies_with_the_depth_has_its_gradient_at_the_interface(spe
 
     bench, _, chosen = layers(spec, device, velocity, thick=thick)
     assert chosen.sum() >= 20
-    strain, inside = (np.einsum("ndd->nd", bench.get(name)[chosen]) for name in ("gradient_at_interface", "velocity_gradient"))
+    names = ("gradient_at_interface", "velocity_gradient")
+    strain, inside = (np.einsum("ndd->nd", bench.get(name)[chosen]) for name in names)
     assert np.abs(strain[:, -1]).max() < 0.15 * SPACING * (spec.dimension - 1)
     assert np.abs(strain[:, :-1]).max() < 0.15 * SPACING
     assert np.abs(inside).min() > 0.8 * SPACING
