@@ -5,8 +5,9 @@ the depth <y> = sum_own F V t^2 y / sum_own F V t^2 below the particle, with n t
 part of x_ij along the interface. What the neighbours have beyond v_i + G.x_ji tells how that changes with the depth:
     D_i = (d-1) sum_own F V (v_j - v_i - G.x_ji) (x) t y / sum_own F V t^2 (y - <y>)^2
 A linear flow has no D, on any arrangement. At the interface, a_i away from the particle,
-    S = G + (-a_i - <y>) D,   and then   n.S n = -(divergence along the interface),
-for a fluid that keeps its volume; between two particles the own phase alone may be pressed together or drawn apart.
+    S = G - (a_i + <y>) D + (a_i + y') tr(D) n (x) n,   y' = sum_own F V y^3 / (2 sum_own F V y^2),
+since a fluid that keeps its volume does across the interface what it does along it, with the other sign; of that G has what is
+at the depth y' (of a velocity that is quadratic in y).
 """
 
 import functools
@@ -64,6 +65,7 @@ def make_interface_gradient(spec: Spec) -> Any:
         xi, vi = position[i], velocity[i]
         n, gradient = facing[i], velocity_gradient[i]
         even, first_moment, second_moment = real(0.0), real(0.0), real(0.0)  # sums of F V t^2, and times y, y^2
+        straight, skew = real(0.0), real(0.0)  # sums of F V y^2 and F V y^3
         moment = mat()
         rise = mat()
         k = list_begin(i, list_width)
@@ -82,6 +84,8 @@ def make_interface_gradient(spec: Spec) -> Any:
                 even += weight
                 first_moment += weight * y
                 second_moment += weight * (y * y)
+                straight += f * (y * y)
+                skew += f * (y * y * y)
                 moment += wp.outer(d, f * d)
                 rise += wp.outer(velocity[j] - vi + gradient * d, (f * y) * along)
             elif phases[int(phase[j])].viscosity < phases[int(own)].viscosity:
@@ -94,9 +98,10 @@ def make_interface_gradient(spec: Spec) -> Any:
             depth = first_moment / even
             spread = second_moment - first_moment * depth
             if spread > real(0.0):
-                away = -(interface_depth[i] * params.h + depth)
-                surface = gradient + rise * (away * real(axes_along) / spread)
-            surface -= wp.trace(surface) * wp.outer(n, n)
+                turn = rise * (real(axes_along) / spread)
+                below = interface_depth[i] * params.h
+                across = (below + real(0.5) * skew / straight) * wp.trace(turn)
+                surface = gradient - (below + depth) * turn + across * wp.outer(n, n)
         gradient_at_interface[i] = surface
 
     return interface_gradient
