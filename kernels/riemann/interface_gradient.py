@@ -6,8 +6,8 @@ part of x_ij along the interface. What the neighbours have beyond v_i + G.x_ji t
     D_i = (d-1) sum_own F V (v_j - v_i - G.x_ji) (x) t y / sum_own F V t^2 (y - <y>)^2
 A linear flow has no D, on any arrangement. At the interface, a_i away from the particle,
     S = G - (a_i + <y>) D + (a_i + y') tr(D) n (x) n,   y' = sum_own F V y^3 / (2 sum_own F V y^2),
-since a fluid that keeps its volume does across the interface what it does along it, with the other sign; of that G has what is
-at the depth y' (of a velocity that is quadratic in y).
+since a fluid that keeps its volume does across the interface what it does along it, with the other sign; of that G has
+what is at the depth y' (of a velocity that is quadratic in y).
 """
 
 import functools
