@@ -80,7 +80,7 @@ def make_interface_stress(dimension: int, precision: str) -> InterfaceStress:
     Across, the pressures differ by 2 (mu_i - mu_j) n.grad(v.n), as they do by a Laplace jump: it goes into p* and is no
     sound. What pairs have across must then end in each fluid as it began there, mu_i - mu_ij.
 
-    G is the velocity gradient [1/s] at the interface of the more viscous side, the smaller one along it; n a unit normal of either
+    G is the velocity gradient [1/s] at the interface of the more viscous side; n a unit normal of either
     sign, 0 where there is none: for the traction that of i, for the pressure that of the more viscous
     side. fd is F V_j x_ij.
     """

@@ -242,7 +242,7 @@ def absent(spec: Spec) -> list[Absent]:
     if spec.viscosity == "none":
         rows.append(Absent("viscous term", "all viscosities are zero"))
     if spec.multiphase and spec.viscosity != "none" and not spec.unlike_viscosity:
-        rows.append(Absent("depths below interfaces, interface_gradient", "all viscosities are the same, or the printed form"))
+        rows.append(Absent("depths below interfaces, interface_gradient", "viscosities are the same, or the printed form"))
     if spec.viscous_stages == 1:
         rows.append(Absent("viscous_stage", "friction, if there is any, is explicit: numerics.viscous_stages is 1"))
     if not spec.gravity:
