@@ -22,6 +22,7 @@ from warpsph.kernels.core.viscosity import make_interface_stress
 
 from .body_flow import make_body_flow
 from .disorder import make_disorder_friction
+from .interface_flow import make_density_between
 from .star import make_carried, make_jump, make_star
 from .three_phases import make_parts_jump
 
@@ -123,17 +124,16 @@ def make_continuity(spec: Spec) -> Any:
     Params, Phase = make_params(spec.dimension, spec.precision), make_phase(spec.precision)
     eos, slope = make_eos(spec.precision), make_smoothing(spec.kernel, spec.precision)[1]
     list_begin, list_step, neighbour, Listed = list_access(spec)
-    star_velocity, _ = make_star(spec.precision, spec.paper_star)
+    (star_velocity, _), density_between = make_star(spec.precision, spec.paper_star), make_density_between(spec)
     laplace_jump, carried = make_jump(spec.precision), make_carried(spec.dimension, spec.precision)
-    parts_jump, curved = make_parts_jump(spec.precision), curvature_type(spec)
-    hardening, damping, damps = make_hardening(spec.precision), make_damping(spec), spec.acoustic_damping
+    parts_jump, curved, damps = make_parts_jump(spec.precision), curvature_type(spec), spec.acoustic_damping
+    hardening, bounded, damping = make_hardening(spec.precision), make_bounded(spec.precision), make_damping(spec)
     (gravity_of, _), separation = make_forcing(spec), separation_of(spec)
     periodic, jumps = any(spec.periodic), spec.tension == "pressure_jump" and not spec.triple
     spray, sided = spec.free_surface and not spec.multiphase, spec.multiphase and not spec.paper_star
-    _, stress_jump = make_interface_stress(spec.dimension, spec.precision)
-    linear = spec.bodies and spec.corrected  # exact for a linear velocity and pressure on any arrangement
-    rate_at_bodies, sparse = make_body_flow(spec), SPARSE * spec.dimension
-    bounded, uneven = make_bounded(spec.precision), make_disorder_friction(spec)
+    # linear: exact for a linear velocity and pressure on any arrangement
+    (_, stress_jump), linear = make_interface_stress(spec.dimension, spec.precision), spec.bodies and spec.corrected
+    rate_at_bodies, sparse, uneven = make_body_flow(spec), SPARSE * spec.dimension, make_disorder_friction(spec)
 
     @wp.kernel(**pair_sweep(spec))
     def continuity(
@@ -148,6 +148,7 @@ def make_continuity(spec: Spec) -> Any:
         velocity_gradient: wp.array(dtype=mat),
         gradient_at_interface: wp.array(dtype=mat),
         facing: wp.array(dtype=vec),
+        interface_depth: wp.array(dtype=real),
         neighbours: Listed,
         fluid_neighbours: wp.array(dtype=wp.int16),
         wall_neighbours: wp.array(dtype=wp.int16),
@@ -175,11 +176,10 @@ def make_continuity(spec: Spec) -> Any:
             if int(zone[i]) != FLUID:
                 return
         xi, vi, p_i = midway[i], velocity[i], state_old[i][0]
-        own = phases[0]
         own_phase = int(0)
         if wp.static(spec.multiphase):
             own_phase = int(phase[i])
-            own = phases[own_phase]
+        own = phases[own_phase]
         wrapped, near = bool(False), bool(False)
         if wp.static(periodic or spec.multiphase):
             wrapped, near = (int(flags[i]) & WRAPPED) != 0, (int(flags[i]) & NEAR) != 0
@@ -193,8 +193,7 @@ def make_continuity(spec: Spec) -> Any:
         # its derivative by the own pressure, over c_i; what it would be among the own phase; that of pairs of the own phase
         stiffness, plain_stiffness, own_stiffness = real(0.0), real(0.0), real(0.0)
         flow, moment = mat(), mat()  # sums of (v_j - v_i) (x) F V x_ij and of -x_ij (x) F V x_ij
-        disordered = vec()  # sum of F V times the friction of disorder
-        crowd = real(0.0)  # -sum F V r^2: the dimension inside a fluid, about half of it on a free surface
+        disordered, crowd = vec(), real(0.0)  # sums of F V times the friction of disorder; of -F V r^2, d inside a fluid
         k, step = list_begin(i, list_width), list_step(particle_count)
         end = k + int(fluid_neighbours[i]) * step
         if wp.static(spec.multiphase):
@@ -225,8 +224,10 @@ def make_continuity(spec: Spec) -> Any:
                     else:
                         other = phases[other_phase]
                         if wp.static(spec.gravity):
-                            g = gravity_of(params, forcing, GRAVITY_NOW)
-                            dp -= real(0.5) * (own.density + other.density) * wp.dot(g, d)
+                            rho_ij = real(0.5) * (own.density + other.density)
+                            if wp.static(sided):
+                                rho_ij = density_between(i, j, facing, interface_depth, own.density, other.density)
+                            dp -= rho_ij * wp.dot(gravity_of(params, forcing, GRAVITY_NOW), d)
                         if wp.static(spec.triple):
                             dp -= parts_jump(tension, own_phase, other_phase, curvature, interface_weight, i, j)
                         elif wp.static(jumps):

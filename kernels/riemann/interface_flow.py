@@ -11,10 +11,13 @@ counterpart in p*, so the work of the pressures is not what the flow gains, and 
 The second tells a particle at an interface from one that is alone among the other phase: it is zero where no one side
 faces the others.
 
-Where viscosities differ, friction asks for the depth a_i of a particle below the interface too. It follows from the share of
-the others, as below a plane:
+Where on the way between two particles the interface lies follows from the depths a_i below it of both
+(`make_density_between`), and a depth from the share of the others, as below a plane:
     share_i = sum_other w V_j / sum w V_j = int_a^R w1 / int w1,   w = (1 - r^2/R^2)^n,  w1 = (1 - a^2/R^2)^3
 with n = 3, 5/2, 2 in 1 to 3 dimensions, which make the integral w1 of w over planes the same polynomial, and R the support.
+A bent interface is kappa s^2/2 off its plane at a distance s along it, and the mean of s^2 along each axis of the plane at
+the depth a is (R^2 - a^2)/8: the others have the share of a plane that is kappa (R^2 - a^2)/16 nearer. The curvature is
+known where there is tension; without, interfaces count as plane.
 """
 
 import functools
@@ -25,7 +28,7 @@ import warp as wp
 from warpsph.kernels.core.pair import NEAR, list_access, separation_of
 from warpsph.kernels.core.params import make_params
 from warpsph.kernels.core.smoothing import KERNELS, make_smoothing
-from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, types, types_of
+from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, curvature_type, types, types_of
 
 # Root 1/d of the determinant of the own phase's moment, 1 inside a fluid, 0.5 at a flat surface. Below the first the
 # gradient fades, below the second it is zero: a drop of a few particles moves as one.
@@ -36,6 +39,8 @@ CLEAR = 0.3
 FAINT = 1.0e-6
 # Least depth over the spacing, that of the first row on a lattice: what is nearer is disorder, and would be stiff.
 FIRST_ROW = 0.5
+# A curvature kappa takes BENT kappa (R^2 - a^2) off the depth that shares show: half of the mean square along an axis.
+BENT = 1.0 / 16.0
 NEWTON_STEPS = 5  # to 2e-8 of the support at 0.7 of it; what is deeper has no neighbours across that count
 
 
@@ -73,6 +78,25 @@ def make_depth(dimension: int, precision: str) -> Any:
 
 
 @functools.cache
+def make_density_between(spec: Spec) -> Any:
+    """Return the `wp.func` density_between(i, j, facing, depth, rho_i, rho_j): the mean density of the way from i to j.
+
+    facing and depth are those of all particles: a_i/(a_i + a_j) of the way lie in the phase of i, and half of it where the
+    two do not face each other, for there is no common interface.
+    """
+    real, vec, _, _ = types_of(spec)
+
+    @wp.func
+    def density_between(i: int, j: int, facing: wp.array(dtype=vec), depth: wp.array(dtype=real), rho_i: real, rho_j: real):
+        part = real(0.5)
+        if wp.dot(facing[i], facing[j]) < real(0.0):
+            part = depth[i] / (depth[i] + depth[j])
+        return part * rho_i + (real(1.0) - part) * rho_j
+
+    return density_between
+
+
+@functools.cache
 def make_interface_flow(spec: Spec) -> Any:
     """Return the kernel over fluid particles; those without another phase in their list are left alone."""
     real, vec, mat, pair = types_of(spec)
@@ -82,7 +106,7 @@ def make_interface_flow(spec: Spec) -> Any:
     list_begin, list_step, neighbour, Listed = list_access(spec)
     full, none = FULL**spec.dimension, NONE**spec.dimension
     window, depth = make_depth(spec.dimension, spec.precision)
-    support = KERNELS[spec.kernel].support
+    support, curved = KERNELS[spec.kernel].support, curvature_type(spec)
 
     @wp.kernel(module="unique", enable_backward=False, module_options=SWEEP_OPTIONS)
     def interface_flow(
@@ -102,6 +126,7 @@ def make_interface_flow(spec: Spec) -> Any:
         slip: wp.array(dtype=wp.uint8),
         velocity_gradient: wp.array(dtype=mat),
         facing: wp.array(dtype=vec),
+        curvature: wp.array(dtype=curved),
         interface_depth: wp.array(dtype=real),
     ):
         i = wp.tid() + first
@@ -125,10 +150,9 @@ def make_interface_flow(spec: Spec) -> Any:
             d = separation(xi, position[j], True, params)
             q = wp.sqrt(wp.dot(d, d)) * params.inv_h
             fd = (slope(q) * state[j][1]) * d
-            if wp.static(spec.unlike_viscosity):
-                room = window(q * q * real(wp.static(1.0 / support**2))) * state[j][1]
-                own_room += wp.where(phase[j] == own, room, real(0.0))
-                other_room += wp.where(phase[j] == own, real(0.0), room)
+            room = window(q * q * real(wp.static(1.0 / support**2))) * state[j][1]
+            own_room += wp.where(phase[j] == own, room, real(0.0))
+            other_room += wp.where(phase[j] == own, real(0.0), room)
             if phase[j] == own:
                 moment -= wp.outer(d, fd)
                 flow += wp.outer(velocity[j] - vi, fd)
@@ -153,9 +177,15 @@ def make_interface_flow(spec: Spec) -> Any:
             if determinant < real(full):
                 gradient = gradient * ((determinant - real(none)) / real(full - none))
         velocity_gradient[i] = gradient
-        if wp.static(spec.unlike_viscosity):
-            a = depth(other_room / (own_room + other_room)) * real(wp.static(support))
-            interface_depth[i] = wp.max(a, real(FIRST_ROW) * params.spacing * params.inv_h)
+        a = depth(other_room / (own_room + other_room)) * real(wp.static(support))
+        if wp.static(spec.tension != "none"):
+            kappa = real(0.0)
+            if wp.static(spec.triple):
+                kappa = curvature[i][int(own)]
+            else:
+                kappa = curvature[i]
+            a += kappa * params.h * (real(wp.static(support**2)) - a * a) * real(wp.static(BENT))
+        interface_depth[i] = wp.max(a, real(FIRST_ROW) * params.spacing * params.inv_h)
         strength = wp.length(others)
         # what the edge of the support sees of another phase is no direction, and its reciprocal may be infinite
         if strength > real(CLEAR) * all_others and strength * (params.g_norm * params.h) > real(FAINT):

@@ -37,6 +37,7 @@ from warpsph.kernels.core.time_signals import GRAVITY_NEXT, make_forcing
 from warpsph.kernels.core.viscosity import make_interface_stress, make_series_mean, make_viscosity
 
 from .disorder import UNKNOWN, make_disorder_speed
+from .interface_flow import make_density_between
 from .star import make_jump, make_one_sided, make_star
 from .three_phases import make_parts_jump
 
@@ -62,6 +63,7 @@ def make_momentum(spec: Spec) -> Any:
     separation = separation_of(spec)
     list_begin, list_step, neighbour, Listed = list_access(spec)
     _, star_pressure = make_star(spec.precision, spec.paper_star)
+    density_between = make_density_between(spec)
     laplace_jump, parts_jump = make_jump(spec.precision), make_parts_jump(spec.precision)
     curved = curvature_type(spec)
     alone_at_wall, wall_reaction = make_one_sided(spec.dimension, spec.precision)
@@ -73,6 +75,7 @@ def make_momentum(spec: Spec) -> Any:
     body_tension = spec.tension == "body_force"
     dimension = float(spec.dimension)
     sided = spec.multiphase and not spec.paper_star
+    kinked = sided and spec.corrected  # its gradients see where the interface cuts a pair
     speed_of_disorder = make_disorder_speed(spec)
     series_mean = make_series_mean(spec.precision)
     stress_traction, stress_jump = make_interface_stress(spec.dimension, spec.precision)
@@ -163,7 +166,7 @@ def make_momentum(spec: Spec) -> Any:
             band = (flag & BAND) != 0
         rho_i = own.density * rest_volume[i] / state_i[1]
 
-        pressure_sum = vec()  # sum of (p*) or (p* - p_i), times 2 F V x_ij
+        pressure_sum = vec()  # sum of 2 p* or of r.grad p, times F V x_ij
         own_sum = vec()  # the same over the own phase alone: its pressure gradient carries the density in a shift
         viscous_sum = vec()
         even = vec()  # sum of F V x_ij, zero on an even arrangement
@@ -251,7 +254,14 @@ def make_momentum(spec: Spec) -> Any:
                             grad, n = gradient_at_interface[thick], facing[thick]
                             jump += stress_jump(own.viscosity, other.viscosity, grad, n)
                             viscous_sum += stress_traction(own.viscosity, mu, grad, facing[i], fd)
-                        p_star = star_pressure(p_i, state_j[0], own.density, other.density, jump)
+                        if wp.static(kinked):
+                            # fluids that touch have one acceleration: that is r.grad p of the own phase
+                            rho_ij = density_between(i, j, facing, interface_depth, own.density, other.density)
+                            rise = own.density / rho_ij * (state_j[0] + jump - p_i)
+                        else:
+                            rise = real(2.0) * star_pressure(p_i, state_j[0], own.density, other.density, jump)
+                            if wp.static(spec.corrected):
+                                rise -= real(2.0) * p_i
                         if wp.static(sided):
                             # Directions that do not oppose: no common interface, one of the two is a splinter of a few
                             # particles in the other phase, or a film of one row. Its own phase does not hold it, and the
@@ -260,10 +270,8 @@ def make_momentum(spec: Spec) -> Any:
                             alone = wp.clamp(real(1.0) + real(2.0) * wp.dot(facing[i], facing[j]), real(0.0), real(2.0))
                             z = own.impedance * other.impedance / (own.impedance + other.impedance)
                             impact = wp.dot(vi - velocity[j], d) / wp.sqrt(r2 + params.tiny)
-                            p_star -= (real(IMPACT_SHARE) * alone) * z * impact
-                        if wp.static(spec.corrected):
-                            p_star -= p_i
-                        pressure_sum += (real(2.0) * p_star) * fd
+                            rise -= (real(2.0 * IMPACT_SHARE) * alone) * z * impact
+                        pressure_sum += rise * fd
                         if wp.static(spec.interface_force):
                             repulsion += (wp.abs(p_i) + wp.abs(state_j[0])) * fd
                     if wp.static(viscous):

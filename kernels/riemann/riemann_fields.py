@@ -48,10 +48,6 @@ def _sided(spec: Spec) -> bool:
     return spec.multiphase and not spec.paper_star
 
 
-def _unlike(spec: Spec) -> bool:
-    return spec.unlike_viscosity
-
-
 def _viscous_jump(spec: Spec) -> bool:
     return spec.viscous_jump
 
@@ -69,7 +65,7 @@ RIEMANN_FIELDS: tuple[Field, ...] = (
     Field("velocity_gradient", "mat", "fluid", False, _sided, "1/s", "grad v of the own phase, next to an interface"),
     Field("gradient_at_interface", "mat", "fluid", False, _viscous_jump, "1/s", "grad v there, from the more viscous side"),
     Field("facing", "vec", "fluid", False, _sided, "-", "unit vector to the other phases, next to an interface"),
-    Field("interface_depth", "real", "fluid", False, _unlike, "1", "depth below an interface over h, next to it"),
+    Field("interface_depth", "real", "fluid", False, _sided, "1", "depth below an interface over h, next to it"),
     Field("flow_gradient", "mat", "fluid", True, _disorder, "1/s", "grad v of the own phase, of the last momentum sweep"),
     Field("disorder_speed", "real", "fluid", True, _disorder, "m/s", "b of the friction of disorder, -1 without a gradient"),
     Field("disorder_force", "vec", "fluid", False, _disorder, "m/s^2", "friction of disorder, for the momentum sweep"),

@@ -208,6 +208,42 @@ def test_rates_read_no_side_of_bulk_particles(device):
     np.testing.assert_array_equal(bench.acceleration(), a)
 
 
+# pressure across an interface ---------------------------------------------------------------------------------
+
+GRAVITY = 9.0
+
+
+def weighed(spec, jitter, ratio, device, exact):
+    """Return (accelerations, density rates) in the middle of two layers whose pressures bear their weight.
+
+    exact: with the depths below the plane of the interface instead of those that the stage finds.
+    """
+    d = spec.dimension
+    spec = dataclasses.replace(spec, corrected=True, gravity=True, dissipation=True)
+    down = -GRAVITY * np.eye(d)[-1]
+    bench, x = flat(spec, jitter, ratio=ratio, device=device, gravity=down, width=160 if d == 2 else 260)
+    bench.put_state(pressure=np.where(x[:, -1] > 0, ratio, 1.0) * (x @ down))
+    if exact:
+        bench.put("interface_depth", np.abs(x[:, -1]) / bench.h)
+    chosen = near(bench) & middle(bench, x)
+    assert chosen.sum() > 40
+    return bench.acceleration()[chosen], bench.density_rate()[chosen]
+
+
+@pytest.mark.parametrize("ratio", [3.0, 1000.0])
+@pytest.mark.parametrize("spec", [FLAT, SOLID])
+def test_layers_that_bear_their_weight_stay_at_rest(spec, ratio, device):
+    """A pressure with a kink: on any arrangement where depths are exact, on rows to what depths are off by.
+
+    With the interface in the middle of every pair rows have 0.04 to 0.08 g, disordered particles up to 0.2.
+    """
+    a, rate = weighed(spec, 0.2, ratio, device, exact=True)
+    np.testing.assert_allclose(a, 0.0, atol=1e-5 * GRAVITY)
+    np.testing.assert_allclose(rate, 0.0, atol=1e-5)
+    a, _ = weighed(spec, 0.0, ratio, device, exact=False)
+    assert np.abs(a).max() < 0.05 * GRAVITY
+
+
 # facing directions ------------------------------------------------------------------------------------------
 
 
@@ -366,6 +402,29 @@ def test_depth_of_disordered_particles(device):
     exact = np.maximum(np.abs(x[chosen, 1]) / SPACING, 0.5)
     assert depth[chosen].min() >= 0.5 - 1e-12
     assert np.abs(depth[chosen] - exact).max() < 0.35 and np.sqrt(np.mean((depth[chosen] - exact) ** 2)) < 0.2
+
+
+@pytest.mark.parametrize("radius", [4.0, 6.0])
+@pytest.mark.parametrize("spec", [FLAT, SOLID])
+def test_depth_below_a_bent_interface(spec, radius, device):
+    """Inside and outside of a disc and a ball, radius in spacings: within 0.05 spacings; as below a plane 0.1 to 0.3."""
+    d = spec.dimension
+    spec = dataclasses.replace(spec, tension="pressure_jump", corrected=True)
+    x = lattice((int(2 * radius + 12),) * d, SPACING, 0.1)
+    r = np.linalg.norm(x, axis=1) / SPACING
+    inside = r < radius
+    radius = (inside.sum() / (np.pi if d == 2 else 4 / 3 * np.pi)) ** (1 / d)  # of the same area or volume
+    options = dict(phase=(~inside).astype(int), tension=1.0, spacing=SPACING, device=device, width=160 if d == 2 else 260)
+    bench = Bench(spec, x, fluids=fluids_of(1000.0), **options)
+    off = []
+    for curvature in (0.0, (d - 1) / (radius * SPACING)):
+        bench.put("curvature", np.where(inside, curvature, -curvature))
+        bench.run(*riemann.sides(bench.spec))
+        beyond = bench.get("interface_depth") * bench.h / SPACING - np.abs(r - radius)
+        chosen = (np.abs(r - radius) > 0.6) & (np.abs(r - radius) < 2.0)
+        off.append([beyond[chosen & side].mean() for side in (inside, ~inside)])
+    assert off[0][0] < -0.07 and off[0][1] > 0.07
+    assert np.abs(off[1]).max() < 0.05
 
 
 @pytest.mark.parametrize("viscosity", [(1.0, 100.0), (10.0, 1.0)])

@@ -20,11 +20,11 @@ HEAVY = ("pyvista", "vtk", "vtkmodules", "matplotlib", "h5py", "scipy", "pandas"
 
 # What each piece of physics brings with it.
 FIELDS = {
-    "second phase": {"phase", "velocity_gradient", "facing"},
+    "second phase": {"phase", "velocity_gradient", "facing", "interface_depth"},
     "friction of disorder": {"disorder_force", "disorder_speed", "flow_gradient"},
     "walls": {"wall_body", "wall_neighbours", "wall_impact"},
     "friction on walls": {"slip", "wall_depth", "mirror_velocity"},
-    "friction between fluids": {"interface_depth", "gradient_at_interface"},
+    "friction between fluids": {"gradient_at_interface"},
     "tension": {"fraction", "normal", "interface_weight", "curvature", "mean_curvature"},
     "sound of tension": {"settled"},
     "interface band": {"band_mark", "band_sum", "band"},

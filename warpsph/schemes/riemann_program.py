@@ -241,8 +241,8 @@ def absent(spec: Spec) -> list[Absent]:
         rows.append(Absent("contact_normal", "no contact_angle in surface_tension: walls take no part in the interfaces"))
     if spec.viscosity == "none":
         rows.append(Absent("viscous term", "all viscosities are zero"))
-    if spec.multiphase and spec.viscosity != "none" and not spec.unlike_viscosity:
-        rows.append(Absent("depths below interfaces, interface_gradient", "viscosities are the same, or the printed form"))
+    if spec.multiphase and spec.viscosity != "none" and not spec.viscous_jump:
+        rows.append(Absent("interface_gradient", "viscosities are the same, or friction has the radial or the printed form"))
     if spec.viscous_stages == 1:
         rows.append(Absent("viscous_stage", "friction, if there is any, is explicit: numerics.viscous_stages is 1"))
     if not spec.gravity:
