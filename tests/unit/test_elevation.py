@@ -1,12 +1,15 @@
 """The gauge of the height of a free surface."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from tests.helpers import lattice
 from tests.scenes import LEAN, case_of
 from warpsph import CaseError
-from warpsph.measure.elevation import surface_height
+from warpsph.measure.elevation import ElevationGauge, surface_height
+from warpsph.snapshot import FLUID
 
 SPACING = 0.05
 
@@ -48,3 +51,33 @@ def test_the_gauge_in_a_case():
     assert column_names("surface", case.gauges["surface"], case) == ["time", "surface_1", "surface_2"]
     with pytest.raises(CaseError, match="all axes but the last"):
         case_of(LEAN, gauges={"surface": {"type": "elevation", "places": [[0.0, 0.5]], "interval": 0.1}})
+
+
+@pytest.mark.parametrize("headroom", [1, 2, 4, 8, 20])
+def test_a_roof_does_not_lift_the_surface_below_it(headroom):
+    """Within a hundredth of a spacing in a box whose roof is some spacings above the water."""
+    found = heights_in_a_box(10, headroom)
+    assert found == pytest.approx([0.5, 0.5], abs=0.01 * SPACING)
+
+
+@pytest.mark.parametrize("floor", [0, 6])
+def test_water_at_a_roof_has_the_height_of_the_roof(floor):
+    """A full box, and water held at the roof above air."""
+    found = heights_in_a_box(10, 0, floor)
+    assert found == pytest.approx([0.5, 0.5], abs=0.01 * SPACING)
+    assert max(found) <= 0.5
+
+
+def heights_in_a_box(rows, headroom, floor=0):
+    """What the gauge reads at a wall and in the middle of a closed box, of water from the row `floor` to the row `rows`."""
+    roof = (rows + headroom) * SPACING
+    case = case_of(
+        LEAN,
+        particle_spacing=SPACING,
+        domain={"lower": [0, 0], "upper": [1, roof], "boundary": {"x": "wall", "y": "wall"}},
+        fluids=[{"phase": "water", "shape": {"box": {"lower": [0, floor * SPACING], "upper": [1, rows * SPACING]}}}],
+        gauges={"surface": {"type": "elevation", "places": [[0.0], [0.5]], "interval": 0.1}},
+    )
+    x = lattice([20, rows - floor], SPACING, centre=False) + [0, floor * SPACING]
+    snapshot = SimpleNamespace(kind=np.full(len(x), FLUID), position=x, volume=np.full(len(x), SPACING**2))
+    return ElevationGauge("surface", case.gauges["surface"], case).row(snapshot)

@@ -4,7 +4,10 @@
 
 is 1 inside of the fluid and 1/2 on a flat surface, which on a lattice is half a spacing above the first row. W is a Wendland
 C2 kernel with h = 2 particle spacings: wide enough that the rows of a lattice do not show, and that a particle of spray does
-not reach 1/2. Along the line through a place the height is that of the highest point where c = 1/2.
+not reach 1/2. Along the line through a place the height is that of the highest point where c = 1/2, at most that of a roof.
+
+A wall at the upper end of the last axis, a roof, is no mirror: the image of a surface below it would add to c in the gap
+between both and lift the surface.
 """
 
 from __future__ import annotations
@@ -27,14 +30,20 @@ _NORM = {2: 7.0 / (4.0 * math.pi), 3: 21.0 / (16.0 * math.pi)}  # of (1 - q/2)^4
 
 
 def surface_height(
-    place: np.ndarray, position: np.ndarray, volume: np.ndarray, mirrors: list[tuple[int, float]], spacing: float
+    place: np.ndarray,
+    position: np.ndarray,
+    volume: np.ndarray,
+    mirrors: list[tuple[int, float]],
+    spacing: float,
+    roof: float = math.inf,
 ) -> float:
     """Height of the surface above a place, m; nan where there is no fluid.
 
     place: (d - 1,) all coordinates but the last, m
     position, volume: of the fluid, (n, d) and (n,), m and m^d
-    mirrors: walls at sides, as (axis, coordinate in m)
+    mirrors: walls at sides but a roof, as (axis, coordinate in m)
     spacing: particle spacing, m
+    roof: height of the wall at the upper end of the last axis, m; infinity without one
     """
     d, h = position.shape[1], SMOOTHING * spacing
     reach = 2.0 * h
@@ -52,7 +61,8 @@ def surface_height(
     if not len(x):
         return math.nan
     top, step = float(x[:, -1].max()), spacing / NODES
-    heights = top + reach - step * np.arange(math.ceil((top - float(x[:, -1].min()) + 2.0 * reach) / step) + 1)
+    highest = min(top + reach, roof)
+    heights = highest - step * np.arange(math.ceil((highest - float(x[:, -1].min()) + reach) / step) + 1)
     c = np.zeros(len(heights))
     for k, y in enumerate(heights):
         q = np.sqrt(across2 + (x[:, -1] - y) ** 2) / h
@@ -74,11 +84,13 @@ class ElevationGauge(Gauge):
             (axis, float(getattr(case.domain, end)[axis]))
             for axis, sides in enumerate(case.sides)
             for end in ("lower", "upper")
-            if getattr(sides, end).kind == "wall"
+            if getattr(sides, end).kind == "wall" and (axis, end) != (self.dimension - 1, "upper")
         ]
+        covered = case.sides[-1].upper.kind == "wall"
+        self.roof = float(case.domain.upper[-1]) if covered else math.inf
 
     def row(self, snapshot: Snapshot) -> list[float]:
         fluid = snapshot.kind == FLUID
         position, volume = snapshot.position[fluid], snapshot.volume[fluid]
         spacing = self.case.particle_spacing
-        return [surface_height(place, position, volume, self.mirrors, spacing) for place in self.places]
+        return [surface_height(place, position, volume, self.mirrors, spacing, self.roof) for place in self.places]
