@@ -32,7 +32,7 @@ import numpy as np
 
 from warpsph.case.case import Case
 from warpsph.errors import WarpsphError
-from warpsph.measure.contour import LEVEL, Share, shares_of_phases
+from warpsph.measure.contour import LEVEL, Share, cells_behind_mirrors, shares_of_phases
 from warpsph.study import plot
 from warpsph.study.figures import case_of_run
 from warpsph.study.provenance import provenance
@@ -48,11 +48,14 @@ class NotComparable(Exception):
 def share_of(case: Case, frame: plot.Frame, phase: int) -> Share:
     """The share of a phase in a frame of a run."""
     parts = [frame.fluid] + ([frame.wall] if frame.wall is not None else [])
-    position = np.concatenate([part.position[:, :2] for part in parts])
+    behind, area = cells_behind_mirrors(case)
+    position = np.concatenate([*(part.position[:, :2] for part in parts), behind])
     # a wall particle takes the room of a cell of the lattice, whatever mass it was written with
     cell = frame.fluid.particle_spacing**2
-    volume = np.concatenate([part.volume if part is frame.fluid else np.full(len(part), cell) for part in parts])
-    kind = np.concatenate([part.phase if part is frame.fluid else np.full(len(part), -1) for part in parts])
+    volumes = [part.volume if part is frame.fluid else np.full(len(part), cell) for part in parts]
+    volume = np.concatenate([*volumes, np.full(len(behind), area)])
+    kinds = [part.phase if part is frame.fluid else np.full(len(part), -1) for part in parts]
+    kind = np.concatenate([*kinds, np.full(len(behind), -1)])
     if not np.isfinite(volume).all() or not np.isfinite(position).all():
         raise NotComparable(f"the particles of t = {frame.time:g} s have no volumes: write mass and density")
     shares = shares_of_phases(

@@ -526,6 +526,30 @@ def test_contour_of_a_broken_state_or_a_missing_phase_is_nan():
     assert all(math.isnan(value) for name, value in measure(make_case(CONTOUR), particles).items() if name != "time")
 
 
+@pytest.mark.parametrize("scheme", ["isph", "riemann"])
+@pytest.mark.parametrize("side", ["wall", "free_slip"])
+def test_contour_of_water_in_a_tank_has_no_length_along_its_walls(scheme, side):
+    """Also where walls are mirrors, of which a snapshot has no particles: the line is the free surface alone."""
+    spacing = 0.05
+    case = make_case(
+        {"surface": {"type": "contour", "interval": 0.1}},
+        domain={"lower": [-1, -1], "upper": [1, 1], "boundary": {"x": side, "y": {"lower": side, "upper": "open"}}},
+        phases={"water": {"density": 1000.0}},
+        fluids=[{"phase": "water", "shape": {"box": {"lower": [-1, -1], "upper": [1, 0]}}}],
+        numerics={"scheme": scheme},
+    )
+    every = lattice(spacing, 1 + 5 * spacing)
+    fluid = (np.abs(every) < 1).all(axis=1)
+    kept = np.where(fluid, every[:, 1] < 0, (scheme == "riemann") & (every[:, 1] < 1))
+    every, fluid = every[kept], fluid[kept]
+    kind, phase = np.where(fluid, FLUID, WALL).astype(np.uint8), np.where(fluid, 0, -1).astype(np.int32)
+    row = measure(case, make_snapshot(every, spacing=spacing, phase=phase, kind=kind))
+    assert row["perimeter water"] == pytest.approx(2.0, rel=0.002)
+    assert row["filling water"] == pytest.approx(1.0, abs=0.01)
+    ends = [row[f"{end}_{axis} water"] for end in ("lowest", "highest") for axis in "xy"]
+    assert ends == pytest.approx([-1, -1, 1, 0], abs=0.15 * spacing)
+
+
 def test_velocity_of_a_phase_is_weighted_with_the_volume():
     particles = make_snapshot(
         [[0, 0], [1, 0], [2, 0], [3, 0]],

@@ -13,6 +13,9 @@ rows of a lattice leave 0.5 % of the length of the line, an evened-out arrangeme
 - threads thinner than about 1.5 spacings are lost, and where the line has the curvature k it lies 0.6 k spacing^2 on
   its hollow side (0.6 % of a radius of 10 spacings, 0.15 % of 20);
 - where fluid and walls fill less than 0.85 of the kernel, at a free surface, what is missing counts as another phase.
+
+Walls are their particles. Of schemes whose walls at sides of the domain are mirrors there are none: cells of a lattice
+stand in for them (`cells_behind_mirrors`), so that a line ends at a wall with every scheme.
 """
 
 from __future__ import annotations
@@ -20,6 +23,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -128,6 +132,27 @@ def shares_of_phases(
             value = np.concatenate([value, value.take([0], axis=k)], axis=k)
         result.append(Share(value, axes[0], axes[1]))
     return result
+
+
+def cells_behind_mirrors(case: Any) -> tuple[np.ndarray, float]:
+    """Centres (n, 2) of cells behind the walls at sides of a 2-D domain where these are mirrors, m, and their area, m^2.
+
+    Like the wall particles of the other schemes they reach as far as the kernel, fill the corner between two walls, and end
+    at the rim of an open side. None, where the scheme has particles there itself.
+    """
+    if not case.scheme.mirrors_sides:
+        return np.empty((0, 2)), 0.0
+    layers = math.ceil(2.0 * SMOOTHING)
+    axes, inside, area = [], [], 1.0
+    for low, high, sides in zip(case.domain.lower, case.domain.upper, case.sides, strict=True):
+        count = max(round((high - low) / case.spacing), 1)
+        before, after = (layers if side.kind == "wall" else 0 for side in (sides.lower, sides.upper))
+        index = np.arange(-before, count + after)
+        axes.append(low + (index + 0.5) * ((high - low) / count))
+        inside.append((index >= 0) & (index < count))
+        area *= (high - low) / count
+    behind = ~(inside[0][:, None] & inside[1])
+    return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)[behind], area
 
 
 def _far_field(

@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from warpsph.measure.contour import contour, shares_of_phases
+from warpsph.measure.contour import cells_behind_mirrors, contour, shares_of_phases
 from warpsph.measure.gauge import AXES, Gauge, Needs
 from warpsph.measure.totals import Places, sums_of
 from warpsph.snapshot import Snapshot
@@ -178,6 +178,7 @@ class ContourGauge(Gauge):
         super().__init__(name, spec, case)
         mirror = getattr(spec, "mirror", None)
         self.mirror = None if mirror is None else AXES.index(mirror)
+        self.walls, self.wall_area = cells_behind_mirrors(case)
 
     def row(self, snapshot: Snapshot) -> list[float]:
         count = len(self.phase_names)
@@ -185,8 +186,11 @@ class ContourGauge(Gauge):
         amount = np.bincount(snapshot.phase[fluid], snapshot.volume[fluid], minlength=count)
         if not np.isfinite(snapshot.position).all() or not np.isfinite(amount).all():
             return [math.nan] * len(self.columns)
+        walls = len(self.walls)
         shares = shares_of_phases(
-            snapshot.position, snapshot.volume, snapshot.phase, count,
+            np.concatenate([snapshot.position, self.walls]),
+            np.concatenate([snapshot.volume, np.full(walls, self.wall_area)]),
+            np.concatenate([snapshot.phase, np.full(walls, -1)]), count,
             self.scene.lower, self.scene.upper, self.scene.periodic, snapshot.particle_spacing,
         )  # fmt: skip
         result: list[float] = []
