@@ -16,6 +16,7 @@ def make_signals(spec: Spec) -> Any:
     """Return the one-thread kernel that evaluates all signals for the step that begins.
 
     share: at which part of the step walls have the velocity that is wanted.
+    ahead: 1 for that step; 0 leaves it out, so that all is that of the present time, the end of the step before.
     held: 1 on axes along which walls bear a body force, so that it counts as gravity; else 0.
     """
     real, vec, _, _ = types_of(spec)
@@ -27,6 +28,7 @@ def make_signals(spec: Spec) -> Any:
     @wp.kernel(module="unique", enable_backward=False)
     def signals(
         share: wp.float64,
+        ahead: wp.float64,
         held: vec,
         clock: wp.array(dtype=wp.float64),
         signal_first: wp.array(dtype=int),
@@ -40,7 +42,7 @@ def make_signals(spec: Spec) -> Any:
         poses: wp.array(dtype=Pose),
     ):
         now = clock[TIME]
-        step = clock[STEP]
+        step = ahead * clock[STEP]
         if wp.static(spec.varying_force):
             before = vec()
             after = vec()

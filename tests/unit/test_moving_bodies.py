@@ -175,6 +175,31 @@ def test_a_restart_in_the_middle_of_a_motion_continues_bit_by_bit(scheme, thread
     assert_same_state(checkpoints(whole)[-1], checkpoints(part)[-1])
 
 
+@pytest.mark.parametrize("scheme", ["riemann", "delta_plus", "isph"])
+def test_the_first_rows_after_a_restart_are_those_of_the_whole_run(scheme, tmp_path):
+    """In a new folder: forces on a body that turns in a gravity that varies, and the vorticity of the first frame."""
+    gauge = {"type": "wall_force", "interval": 0.03}
+    case = case_of(
+        copy.deepcopy(TANK),
+        numerics={"scheme": scheme},
+        gravity=["2*sin(9*t)", "-9.81-cos(7*t)"],
+        end_time=0.1,
+        output={
+            "particles": {"interval": 0.03, "fields": ["velocity", "vorticity", "q_criterion"]},
+            "checkpoint": {"interval": 0.03, "keep": 9},
+        },
+        gauges={"force": gauge, "torque": {**gauge, "pivot": [0, 0]}},
+    )
+    whole, part = tmp_path / "whole", tmp_path / "part"
+    Simulation(case, output=whole, threads=1).run()
+    Simulation(case, output=part, restart=checkpoints(whole)[1], threads=1).run()
+    for name in ("force", "torque"):
+        _, *rows = (part / "gauges" / f"{name}.csv").read_text().splitlines()
+        assert rows[0].startswith("0.06") and rows == (whole / "gauges" / f"{name}.csv").read_text().splitlines()[3:]
+    frames = [sorted((run / "particles").glob("fluid_*.vtp")) for run in (whole, part)]
+    assert [path.read_bytes() for path in frames[0][2:]] == [path.read_bytes() for path in frames[1]]
+
+
 @pytest.mark.parametrize(
     ("motion", "path", "rule"),
     [

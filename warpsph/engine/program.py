@@ -128,7 +128,6 @@ class Program:
         advance: the stage that ends a step: time and next step length. With `advancing` = 0 it prepares the first one.
         first: nodes of the first step where it differs; it runs from the host.
         measures: nodes that gauges run on demand, by name.
-        keeps_list: a restart has to build the list of the last build again, because a step begins with it.
         changes: stages that run right before a list is made, where particles are born, die or change what they are. Births
             count themselves as those of `Births`; where they find no room nothing changes and they run again.
     """
@@ -138,7 +137,6 @@ class Program:
     advance: Stage
     first: Sequence[Node] | None = None
     measures: Mapping[str, Sequence[Node]] = dataclasses.field(default_factory=dict)
-    keeps_list: bool = True
     changes: Sequence[Stage] = ()
 
     def __post_init__(self) -> None:

@@ -236,12 +236,13 @@ class Stepper:
         """Build the first list; on a fresh start also run the scheme's nodes of the start.
 
         Args:
-            fresh: False after a restart, where what they find is part of the saved state.
+            fresh: False after a restart, where what they find is part of the saved state. The list of the last build is
+                built again: a step may begin with it, and gauges and outputs right after the restart look at it.
         """
         if fresh:
             self.start_nodes.run()
             self._maxima_to_clock()
-        elif self.program.keeps_list:
+        else:
             clock, counters = (array.copy() for array in self.read())
             maxima = self.maxima.numpy().copy()
             self.rebuild(moving=False)

@@ -57,10 +57,10 @@ def program(spec: Spec) -> Program:
             start=[*signals(spec), BuildList("the first list")],
             advance=advance(spec),
             measures=measures,
-            keeps_list=spec.windows > 0,
         )
     if spec.bodies:
         measures["wall_load"] = [
+            *signals(spec, ahead=0.0),  # those of the last step are not there right after a restart
             Stage("wall_fit", make_wall_fit(spec, across=True), "wall", "wall-force gauge: fit of pressure and velocity"),
             Stage("surface_load", make_surface_load(spec), "wall", "wall-force gauge"),
         ]
@@ -71,7 +71,6 @@ def program(spec: Spec) -> Program:
         advance=advance(spec),
         first=first(spec),
         measures=measures,
-        keeps_list=spec.windows > 0,  # an output of exponents right after a restart looks at it
         changes=crossing(spec, clock_follows=True),
     )
 
@@ -167,11 +166,11 @@ def friction(spec: Spec) -> list[Node]:
     return nodes
 
 
-def signals(spec: Spec) -> list[Stage]:
-    """Return the stage that evaluates what depends on time, all of it at the end of the step."""
+def signals(spec: Spec, ahead: float = 1.0) -> list[Stage]:
+    """Return the stage that evaluates what depends on time: all of it at the end of the step, or now with `ahead` 0."""
     if not depends_on_time(spec):
         return []
-    return [Stage("signals", make_signals(spec), "one", "what depends on time", {"share": 1.0})]
+    return [Stage("signals", make_signals(spec), "one", "what depends on time", {"share": 1.0, "ahead": ahead})]
 
 
 def move(spec: Spec) -> list[Stage]:

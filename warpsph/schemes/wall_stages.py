@@ -17,7 +17,7 @@ def signals(spec: Spec) -> list[Stage]:
     """Return the stage that evaluates what depends on time; walls move with their velocity in the middle of the step."""
     if not depends_on_time(spec):
         return []
-    return [Stage("signals", make_signals(spec), "one", "what depends on time", {"share": 0.5})]
+    return [Stage("signals", make_signals(spec), "one", "what depends on time", {"share": 0.5, "ahead": 1.0})]
 
 
 def moving_sides(spec: Spec) -> list[Stage]:
