@@ -98,6 +98,21 @@ def test_settings_take_values_in_brackets():
     assert plan.changes({"Ca": -0.2, "end_time": 1}) == {"end_time": 1, "gravity.1": "-1/(-0.2)", "dimension": 2}
 
 
+def test_settings_take_values_within_lists_and_mappings():
+    settings = {
+        "gravity": [0, "-({g})"],
+        "gauges.p": {"type": "points", "points": [[0.5, "{g}/9.81"]], "interval": 1},
+        "numerics": {"scheme": "{scheme}"},
+    }
+    plan, _ = load_sweep(study(parameters={"g": [9.81, -5], "scheme": ["isph"]}, settings=settings))
+    assert plan.used == ["g", "scheme"]
+    assert plan.changes({"g": -5, "scheme": "isph"}) == {
+        "gravity": [0, "-((-5))"],
+        "gauges.p": {"type": "points", "points": [[0.5, "(-5)/9.81"]], "interval": 1},
+        "numerics": {"scheme": "isph"},
+    }
+
+
 # ---- runs and their table --------------------------------------------------------------------------------
 
 
@@ -278,6 +293,7 @@ def test_a_changed_study_refuses_the_old_folder():
         ({"parameters": {"end_time": {"from": 0, "to": 1, "number": 2, "spacing": "log"}}}, "above 0"),
         ({"method": "list", "parameters": {"a": [1], "b": [1, 2]}}, "equally many"),
         ({"settings": {"end_time": "{Co}"}, "parameters": {"Ca": [1]}}, "(sweep).*uses {Co}.*write one of Ca"),
+        ({"settings": {"gravity": [0, "{Co}"]}, "parameters": {"Ca": [1]}}, "(sweep).*uses {Co}.*write one of Ca"),
         ({"measure": {"steps": ENERGY}}, "two columns with the name steps"),
         ({"measure": {"e": {"gauge": "enery", "column": "x"}}}, "measure.e.gauge: enery.*did you mean energy"),
         ({"measure": {"e": {"reference": "stat"}}}, "measure.e.reference: stat.*did you mean start"),

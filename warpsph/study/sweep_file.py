@@ -18,7 +18,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
@@ -228,23 +228,39 @@ class Sweep(CaseModel):
 
     @property
     def used(self) -> list[str]:
-        """Names of parameters in the texts of `settings`."""
-        texts = [value for value in self.settings.values() if isinstance(value, str)]
-        return list(dict.fromkeys(name for text in texts for name in PLACEHOLDER.findall(text)))
+        """Names of parameters in the texts of `settings`, those within lists and mappings too."""
+        return list(dict.fromkeys(name for text in _texts(self.settings) for name in PLACEHOLDER.findall(text)))
 
     def changes(self, point: Mapping[str, Any]) -> dict[str, Any]:
         """Dotted keys of the case and their values at a point of the parameters; numbers stand in brackets in a text."""
         result = {name: value for name, value in point.items() if name in self.parameters and name not in self.used}
-        for key, value in self.settings.items():
-            if isinstance(value, str):
-                value = PLACEHOLDER.sub(lambda found: _bracketed(point[found.group(1)]), value)
-            result[key] = value
+        result |= {key: _filled_in(value, point) for key, value in self.settings.items()}
         return result | (dict(self.variants[point[VARIANT]]) if self.variants else {})
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data as in a file, without what was left out."""
         plain: dict[str, Any] = self.model_dump(mode="json", by_alias=True, exclude_unset=True)
         return plain
+
+
+def _texts(value: Any) -> Iterator[str]:
+    """All texts in a setting, however deep in lists and mappings they stand; keys are none."""
+    if isinstance(value, str):
+        yield value
+    elif isinstance(value, Mapping | list | tuple):
+        for item in value.values() if isinstance(value, Mapping) else value:
+            yield from _texts(item)
+
+
+def _filled_in(value: Any, point: Mapping[str, Any]) -> Any:
+    """A setting with the values of a point in all its texts."""
+    if isinstance(value, str):
+        return PLACEHOLDER.sub(lambda found: _bracketed(point[found.group(1)]), value)
+    if isinstance(value, Mapping):
+        return {key: _filled_in(item, point) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_filled_in(item, point) for item in value]
+    return value
 
 
 def _bracketed(value: Any) -> str:
