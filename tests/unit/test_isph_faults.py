@@ -218,6 +218,8 @@ def test_a_state_that_goes_wrong_stops_the_run(bad, device):
         simulation.run()
     assert caught.value.particle == identity
     assert simulation.summary["status"] == "diverged"
+    text = str(caught.value)
+    assert "numerics.maximum_iterations" in text and "sound" not in text, "causes are those of a scheme without sound"
 
 
 def test_a_pile_of_particles_at_one_place(device):

@@ -13,12 +13,6 @@ if TYPE_CHECKING:
     from warpsph.running.model import Model
 
 
-USUAL = (
-    "Usual causes: a sound speed that is too low, a start far from equilibrium, or too large a Courant number "
-    "(numerics.courant)"
-)
-
-
 def runaway_particle(model: Model, row: int) -> tuple[int, str, str, str, str]:
     """Return (id, position, quantity, value, cause) of the particle in a row: which quantity is at fault, and what it is."""
     identity = int(model.particles.get("particle_id")[row])
@@ -27,7 +21,7 @@ def runaway_particle(model: Model, row: int) -> tuple[int, str, str, str, str]:
     position = model.particles.get("position")[row].astype(float)
     speed = float(np.linalg.norm(velocity))
     most = model.most_excess(row)
-    cause = USUAL
+    cause = f"Usual causes: {model.scheme.usual_causes}"
     known = model.scheme.fault(model.case, model.geometry, model.physics, model.particles, row)
     if not np.isfinite(position).all():
         quantity, value = "position", "not finite"

@@ -36,6 +36,7 @@ class GasScheme(Scheme):
     internal_energy = True
     skin = 0.3
     shown = ("energy", "smoothing")
+    usual_causes = "too large a Courant number (numerics.courant), or the acoustic solver at a strong shock"
     kept = ("signal_rates",)
 
     def check(self, case: Any) -> Iterator[Problem]:
@@ -176,8 +177,7 @@ class GasScheme(Scheme):
             cause = "The gas is too thin there for a domain so narrow; enlarge it, or lower particle_spacing"
             return Fault("support", value, cause)
         if energy <= 0.0:
-            cause = "Usual causes: too large a Courant number (numerics.courant), or the acoustic solver at a strong shock"
-            return Fault("energy", f"{energy:.4g} J/kg", cause)
+            return Fault("energy", f"{energy:.4g} J/kg", f"Usual causes: {self.usual_causes}")
         return None
 
     def set_clock(self, clock: np.ndarray, counters: np.ndarray, physics: Physics) -> None:

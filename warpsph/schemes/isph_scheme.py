@@ -38,6 +38,10 @@ class IsphScheme(FlowThrough):
     shifts = True
     follows_origins = True
     free_pressure = True
+    usual_causes = (
+        "a body that moves through a wall or leaves the fluid no room, a start far from equilibrium, too large a Courant "
+        "number (numerics.courant), or pressure solves that end above their tolerance (numerics.maximum_iterations)"
+    )
     # the last one is that of wall impacts, of which births know
     work = frozenset({"load", "friction", "wall_impact"})
     kept = ("site_ahead", "face_pressure", "face_velocity", "face_before", "through")
