@@ -44,6 +44,7 @@ from warpsph.files.output import RunFolder, Schedule, Writer
 from warpsph.measure.gauges import GaugeSet
 from warpsph.measure.totals import eos_of_run
 from warpsph.running.divergence import runaway_particle
+from warpsph.running.doubts import doubts
 from warpsph.running.recorder import Recorder
 from warpsph.running.restarts import SAME_CASE, check_fit, check_unfinished, find_checkpoint, is_inside, reached, scene_of
 from warpsph.running.state_copy import EVERYTHING, SOURCES, StateCopy, copy_state
@@ -145,7 +146,8 @@ class Simulation:
                 rule = f"does not fit the case: {error}"
                 raise CaseError([Problem("restart", str(restart), rule, SAME_CASE)]) from error
         self.physics: Physics = self.model.physics
-        self.warnings += [*self.model.geometry.warnings, *self.physics.warnings]
+        geometry = self.model.geometry
+        self.warnings += [*doubts(case, geometry), *geometry.warnings, *self.physics.warnings]
         self.started_at = self.model.time
         self.first_step = self.model.steps
         resume = output is not None and self._restart is not None and is_inside(self._restart, Path(output))

@@ -12,6 +12,7 @@ from warpsph.case.case_file import as_case
 from warpsph.engine import free_memory
 from warpsph.engine.program import lines
 from warpsph.running import memory
+from warpsph.running.doubts import doubts
 from warpsph.scene.geometry import build
 from warpsph.scene.open_faces import open_axis
 from warpsph.scene.physics import derive, support_radius
@@ -63,7 +64,7 @@ def describe(case: CaseLike) -> dict[str, Any]:
         "reasons": {**physics.reasons, "start.arrangement": geometry.arrangement_reason},
         "stages": [{"name": name, "reason": reason, "depth": depth} for depth, name, reason in shown],
         "absent": [{"name": row.name, "reason": row.reason} for row in case.scheme.absent(spec)],
-        "warnings": [*geometry.warnings, *physics.warnings],
+        "warnings": [*doubts(case, geometry), *geometry.warnings, *physics.warnings],
     }
 
 
@@ -92,7 +93,7 @@ def estimate(case: CaseLike) -> dict[str, Any]:
     skin = float(physics.choices["skin"])
     fluid, walls = geometry.fluid_count, geometry.wall_count
     taken = memory.on_device(case, spec, fluid, walls, physics.support, skin, geometry.lattice)
-    warnings = [*geometry.warnings, *physics.warnings]
+    warnings = [*doubts(case, geometry), *geometry.warnings, *physics.warnings]
     free, host = free_memory.host_free(), memory.running_on_host(case, found)
     if free is not None and host + taken > free:
         warnings.append(

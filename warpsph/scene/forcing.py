@@ -38,15 +38,15 @@ class Track:
     axis: NDArray[np.float64]
 
     def place(self, point: NDArray[np.float64], time: float) -> NDArray[np.float64]:
-        """Where a point (d,) of the body, m, of time 0 is at a time, s."""
+        """Where a point (d,) of the body, m, of time 0 is at a time, s; or several, (n, d)."""
         from scipy.spatial.transform import Rotation
 
         d = len(self.pivot)
-        arm = np.zeros(3)
-        arm[:d] = point - self.pivot
+        arm = np.zeros((*point.shape[:-1], 3))
+        arm[..., :d] = point - self.pivot
         arm = Rotation.from_rotvec(float(self.rotation.at(time)) * self.axis).apply(arm)
         way = np.array([float(part.at(time)) for part in self.translation])
-        return np.asarray(self.pivot + way + arm[:d])
+        return np.asarray(self.pivot + way + arm[..., :d])
 
     def largest(self, end_time: float, order: int, reach: float) -> float:
         """Bound on the speed (order RATE) or acceleration (ACCELERATION) of a point `reach` m from the pivot, SI units."""
