@@ -20,7 +20,8 @@ class Stations:
         normal: (n, d), unit normal into the fluid [1].
         area: (n,), of the surface that a station stands for [m^(d-1)].
         pressure: (n,), of the fluid there, 0 where it is dry [Pa].
-        friction: (n, d), viscous stress on the surface [Pa]; area (friction - pressure normal) is the force.
+        friction: (n, d), viscous stress on the surface [Pa]; area (friction - pressure normal) is the force,
+            to second order in the size of a station over the radius of the surface.
         arc, angle: (n,), way along the outline [m], and direction from the centre of the surface [rad]; None in 3-D.
         along: (n,), the friction in the sense of the outline [Pa]; None in 3-D.
     """

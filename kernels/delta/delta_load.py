@@ -1,6 +1,10 @@
 """Force of the fluid on each wall particle, when a gauge asks for it (theory: delta#d6).
 
-That of its pairs in the momentum sweep, with the opposite sign; friction is kept apart too.
+That of its pairs in the momentum sweep, with the opposite sign; friction is kept apart too. Pairs of the Morris form have
+the stress mu grad v n; what mu (grad v)^T n adds has no net force on a closed body, but a torque on one that turns. Beside
+a wall that turns it is -mu omega x n, for pairs -omega x x_fw beside v_fw: none are left where both turn as one. It is the
+`twist`, which counts in torques alone: the force stays what the fluid loses. Pairs act halfway between their particles: with
+these arms twists have the torque -2 mu omega V on any body of the volume V, and any shape of its surface (theory: delta#d6).
 """
 
 import functools
@@ -11,8 +15,10 @@ import warp as wp
 from warpsph.kernels.core.fields import FLUID
 from warpsph.kernels.core.pair import list_access, separation_of
 from warpsph.kernels.core.params import make_params, make_phase
+from warpsph.kernels.core.poses import make_pose, make_velocity_at
 from warpsph.kernels.core.smoothing import make_smoothing
 from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, types_of
+from warpsph.kernels.core.torques import make_couple
 from warpsph.kernels.core.viscosity import make_viscosity
 
 
@@ -23,9 +29,13 @@ def make_delta_load(spec: Spec) -> Any:
     Params = make_params(spec.dimension, spec.precision)
     Phase = make_phase(spec.precision)
     _, slope = make_smoothing(spec.kernel, spec.precision)
+    Pose = make_pose()
+    velocity_at = make_velocity_at(spec)
+    couple_of = make_couple(spec.dimension, spec.precision)
     separation = separation_of(spec)
     list_begin, list_step, neighbour, Listed = list_access(spec)
     viscous = spec.viscosity != "none"
+    turns = spec.moving and spec.wall_no_slip and spec.viscosity == "morris"
     viscous_term = make_viscosity(spec.viscosity if viscous else "radial", spec.dimension, spec.precision)
 
     @wp.kernel(module="unique", enable_backward=False, module_options=SWEEP_OPTIONS)
@@ -42,18 +52,30 @@ def make_delta_load(spec: Spec) -> Any:
         velocity: wp.array(dtype=vec),
         state: wp.array(dtype=pair),
         mirror_velocity: wp.array(dtype=vec),
+        body_motion: wp.array(dtype=int),
+        poses: wp.array(dtype=Pose),
+        wall_body: wp.array(dtype=int),
+        wall_depth: wp.array(dtype=real),
+        wall_normal: wp.array(dtype=vec),
         pressure_sign: wp.array(dtype=wp.int8),
         slip: wp.array(dtype=wp.uint8),
         load: wp.array(dtype=vec),
         friction: wp.array(dtype=vec),
+        twist: wp.array(dtype=vec),
+        couple: wp.array(dtype=vec),
         zone: wp.array(dtype=wp.int8),
     ):
         w = wp.tid() + first
         i = w + fluid_count
         xi = position[i]
         p_w = state[i][0]
-        pressed = vec()
+        force = vec()
         rubbed = vec()
+        twisted = vec()
+        turned = vec()
+        own_arm = vec()
+        if wp.static(spec.bodies):
+            own_arm = wall_normal[w] * wall_depth[w]
         k = list_begin(i, list_width)
         step = list_step(particle_count)
         end = k + int(fluid_neighbours[i]) * step
@@ -69,16 +91,30 @@ def make_delta_load(spec: Spec) -> Any:
             f = slope(wp.sqrt(r2) * params.inv_h) * state[j][1] * state[i][1] * params.g_norm
             if wp.static(spec.tension_control):
                 p_j = p_j * real(pressure_sign[j])
-            pressed += ((p_w + p_j) * f) * d
+            push = ((p_w + p_j) * f) * d
+            spun = vec()
             if wp.static(viscous and (spec.bodies or spec.wall_no_slip)):
                 rubs = bool(True)
                 if wp.static(not spec.bodies):
                     rubs = slip[w] == wp.uint8(0)
                 if rubs:
                     slide = velocity[j] - mirror_velocity[w]
-                    rubbed -= (phases[0].viscosity * f) * viscous_term(slide, d, r2 + params.tiny, params.inv_h)
-        load[w] = pressed + rubbed
+                    drag = (phases[0].viscosity * f) * viscous_term(slide, d, r2 + params.tiny, params.inv_h)
+                    push -= drag
+                    rubbed -= drag
+                    if wp.static(turns):
+                        if slip[w] == wp.uint8(0):
+                            spin = velocity_at(vec(), d, wall_body[w], body_motion, poses)
+                            spun = (phases[0].viscosity * f) * viscous_term(spin, d, r2 + params.tiny, params.inv_h)
+                            twisted += spun
+            force += push
+            if wp.static(spec.bodies):
+                turned += couple_of(real(0.5) * d - own_arm, push + spun)
+        load[w] = force
         if wp.static(spec.bodies):
             friction[w] = rubbed
+            couple[w] = turned
+        if wp.static(turns):
+            twist[w] = twisted
 
     return delta_load

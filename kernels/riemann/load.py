@@ -1,8 +1,9 @@
 """Force of the fluid on each wall particle, when a gauge asks for it.
 
 The pair force of the conservative gradient, F = V_f V_w (p_f + p_w) grad_f W, and friction, both with the opposite
-sign of what the fluid particle feels. With bodies friction is kept apart too; with the corrected gradient, which has no pair
-forces, their load is the integral over the surface (`kernels/core/surface_load.py`).
+sign of what the fluid particle feels. With bodies friction is kept apart too, walls that turn have a twist beside pairs of
+the Morris form, and pairs act halfway between their particles, as in `kernels/delta/delta_load.py`; with the corrected
+gradient, which has no pair forces, their load is the integral over the surface (`kernels/core/surface_load.py`).
 """
 
 import functools
@@ -12,9 +13,11 @@ import warp as wp
 
 from warpsph.kernels.core.pair import list_access, separation_of
 from warpsph.kernels.core.params import make_params, make_phase
+from warpsph.kernels.core.poses import make_pose, make_velocity_at
 from warpsph.kernels.core.smoothing import make_smoothing
 from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, types_of
 from warpsph.kernels.core.time_signals import GRAVITY_NOW, make_forcing
+from warpsph.kernels.core.torques import make_couple
 from warpsph.kernels.core.viscosity import make_viscosity
 
 
@@ -25,10 +28,14 @@ def make_load(spec: Spec) -> Any:
     Params = make_params(spec.dimension, spec.precision)
     Phase = make_phase(spec.precision)
     _, slope = make_smoothing(spec.kernel, spec.precision)
+    Pose = make_pose()
+    velocity_at = make_velocity_at(spec)
+    couple_of = make_couple(spec.dimension, spec.precision)
     separation = separation_of(spec)
     list_begin, list_step, neighbour, Listed = list_access(spec)
     gravity_of, _ = make_forcing(spec)
     form = spec.viscosity if spec.viscosity != "none" else "morris"
+    turns = spec.moving and spec.wall_no_slip and form == "morris"
     viscous_term = make_viscosity(form, spec.dimension, spec.precision)
 
     @wp.kernel(module="unique", enable_backward=False, module_options=SWEEP_OPTIONS)
@@ -48,10 +55,17 @@ def make_load(spec: Spec) -> Any:
         rest_volume: wp.array(dtype=real),
         state: wp.array(dtype=pair),
         mirror_velocity: wp.array(dtype=vec),
+        body_motion: wp.array(dtype=int),
+        poses: wp.array(dtype=Pose),
+        wall_body: wp.array(dtype=int),
+        wall_depth: wp.array(dtype=real),
+        wall_normal: wp.array(dtype=vec),
         slip: wp.array(dtype=wp.uint8),
         wall_impact: wp.array(dtype=real),
         load: wp.array(dtype=vec),
         friction: wp.array(dtype=vec),
+        twist: wp.array(dtype=vec),
+        couple: wp.array(dtype=vec),
     ):
         w = wp.tid() + first
         i = w + fluid_count
@@ -59,6 +73,11 @@ def make_load(spec: Spec) -> Any:
         p_w = state[i][0]
         force = vec()
         rubbed = vec()
+        twisted = vec()
+        turned = vec()
+        own_arm = vec()
+        if wp.static(spec.bodies):
+            own_arm = wall_normal[w] * wall_depth[w]
         wall_volume = params.wall_volume
         if wp.static(spec.bodies):
             wall_volume = state[i][1]
@@ -81,17 +100,28 @@ def make_load(spec: Spec) -> Any:
                     g = gravity_of(params, forcing, GRAVITY_NOW)
                     p_w -= phases[own].density * rest_volume[j] / state_j[1] * wp.dot(g, d)
             f = slope(wp.sqrt(r2) * params.inv_h) * state_j[1] * wall_volume * params.g_norm
-            force += ((state_j[0] + p_w + wall_impact[j]) * f) * d
+            push = ((state_j[0] + p_w + wall_impact[j]) * f) * d
+            spun = vec()
             if wp.static(spec.wall_no_slip):
                 if slip[w] == wp.uint8(0):
                     drag = (phases[own].viscosity * f) * viscous_term(
                         velocity[j] - mirror_velocity[w], d, r2 + params.tiny, params.inv_h
                     )
-                    force -= drag
+                    push -= drag
                     if wp.static(spec.bodies):
                         rubbed -= drag
+                    if wp.static(turns):
+                        spin = velocity_at(vec(), d, wall_body[w], body_motion, poses)
+                        spun = (phases[own].viscosity * f) * viscous_term(spin, d, r2 + params.tiny, params.inv_h)
+                        twisted += spun
+            force += push
+            if wp.static(spec.bodies):
+                turned += couple_of(real(0.5) * d - own_arm, push + spun)
         load[w] = force
         if wp.static(spec.bodies):
             friction[w] = rubbed
+            couple[w] = turned
+        if wp.static(turns):
+            twist[w] = twisted
 
     return wall_load

@@ -190,3 +190,64 @@ def test_only_what_is_between_the_corners_is_kept():
     found = sample(ball, DX, 3, lower=(0.0, -1.0), upper=(1.0, 1.0))
     assert (found.position[:, 0] > 0).all()
     assert found.area.sum() == pytest.approx(ball.extent / 2, rel=1e-2)
+
+
+def closed_surfaces():
+    import pyvista as pv
+
+    from warpsph.scene.airfoils import airfoil, naca_4
+    from warpsph.scene.meshes import Mesh
+
+    return {
+        **bodies(),
+        "box": box_surface((0.0, 0.1), (0.4, 0.35)),
+        "box off the lattice": box_surface((0.013, 0.1), (0.4, 0.332)),
+        "airfoil": airfoil(naca_4("2412", False), 2.0, 5.0, 0.25, (0.0, 0.0)),
+        "box in 3-D": box_surface((0.0, 0.1, 0.2), (0.3, 0.35, 0.4)),
+        "hollow box in 3-D": Hollow(box_surface((0.0, 0.1, 0.2), (0.3, 0.35, 0.4))),
+        "turned cube": Mesh(pv.Cube(x_length=0.5, y_length=0.3).triangulate().clean().rotate_z(20).rotate_x(13)),
+        "cone": Mesh(pv.Cone(height=0.5, radius=0.3, resolution=40).triangulate().clean()),
+    }
+
+
+@pytest.mark.parametrize("name", closed_surfaces())
+def test_facets_of_a_closed_surface_bear_uniform_and_linear_pressures_exactly(name):
+    """The vector areas add up to 0, and pressures x, y, z have the volume as their forces: the divergence theorem."""
+    surface = closed_surfaces()[name]
+    found = sample(surface, DX, 3)
+    facets, d = found.facets, surface.dimension
+    assert np.abs(facets.vector.sum(axis=0)).max() < 1e-12 * surface.extent
+    volume = facets.vector.T @ facets.foot + facets.moment.sum(axis=0)
+    side = -1.0 if surface.hollow else 1.0
+    assert volume == pytest.approx(side * surface.measure * np.eye(d), abs=1e-9 * surface.measure)
+    assert np.bincount(facets.owner, facets.area, minlength=found.count) == pytest.approx(found.area, abs=1e-15)
+    assert np.linalg.norm(facets.normal, axis=1) == pytest.approx(1.0)
+    assert (np.einsum("ij,ij->i", facets.normal, facets.vector) > 0.9 * facets.area).all()
+
+
+def test_a_corner_has_a_facet_on_each_face():
+    found = sample(box_surface((0, 0), (0.5, 0.4)), 0.1, 2).facets
+    owners, count = np.unique(found.owner, return_counts=True)
+    assert sorted(count) == [1] * 10 + [2] * 4
+    assert found.area == pytest.approx(0.1)
+    for owner in owners[count == 2]:
+        one, other = found.normal[found.owner == owner]
+        assert one @ other == pytest.approx(0.0, abs=1e-12)
+    assert np.abs(found.moment).max() < 1e-15
+    brick = sample(box_surface((0, 0, 0), (0.5, 0.4, 0.3)), 0.1, 2).facets
+    assert np.bincount(np.unique(brick.owner, return_counts=True)[1]).tolist() == [0, 22, 24, 8]
+
+
+@pytest.mark.parametrize("sides", [2, 3])
+def test_facets_are_the_same_wherever_a_body_is(sides):
+    """Rounding chooses the one normal that a particle in a corner has, but not its facets."""
+    lower, upper = np.array([0.2, 0.12, 0.3])[:sides], np.array([0.4, 0.32, 0.44])[:sides]
+
+    def facets(way):
+        found = sample(box_surface(lower + way, upper + way), 0.02, 2).facets
+        rows = np.column_stack([found.foot - way, found.normal, found.area / 0.02 ** (sides - 1)])
+        return rows[np.lexsort(np.round(rows, 6).T)]
+
+    here = facets(np.zeros(sides))
+    for way in ([10.24, -5.12, 0.64], [0.3, 0.7, -1.1]):
+        assert facets(np.array(way[:sides])) == pytest.approx(here, abs=1e-9)

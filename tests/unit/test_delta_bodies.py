@@ -58,6 +58,60 @@ def test_fluid_in_a_tank_that_turns_moves_with_it():
     assert abs(water.pressure - 0.5 * math.pi**2 * (x**2 + y**2)).mean() < 0.1 * 0.5 * math.pi**2 * 0.25
 
 
+@pytest.mark.parametrize("turning", ["inner", "outer"])
+def test_torques_of_the_flow_between_cylinders(turning):
+    """Exact circular Couette flow, eight spacings in the inner radius: both cylinders have the torque of the flow.
+
+    The part of the stress that the Morris form lacks is 0.42 of it on the inner cylinder that turns, 2.6 on the outer one.
+    """
+    inner, outer, mu, rate = 0.4, 1.0, 0.1, 1.0
+    gap = outer**2 - inner**2
+    solid, vortex = (-rate * inner**2 / gap, rate * (inner * outer) ** 2 / gap)
+    if turning == "outer":
+        solid, vortex = rate * outer**2 / gap, -vortex
+    spin = f"({solid} + ({vortex})/(x**2 + y**2))"
+    motion = {"motion": {"rotation": f"{rate}*t"}}
+    bodies = {
+        "inner": {"shape": {"sphere": {"center": [0, 0], "radius": inner}}},
+        "outer": {"shape": {"sphere": {"center": [0, 0], "radius": outer}}, "hollow": True},
+    }
+    bodies[turning] |= motion
+    case = Case.from_dict({
+        **FULL, **QUIET, "particle_spacing": 0.05, "end_time": 1.0,
+        "domain": {"lower": [-1.3, -1.3], "upper": [1.3, 1.3], "boundary": {"x": "open", "y": "open"}},
+        "phases": {"w": {"density": 1.0, "viscosity": mu}}, "bodies": bodies,
+        "fluids": [{"phase": "w", "shape": {"sphere": {"center": [0, 0], "radius": outer}}}],
+        "start": {"velocity": [f"-y*{spin}", f"x*{spin}"]}, "numerics": {"scheme": "delta_plus"},
+    })  # fmt: skip
+    model = Model(case, threads=1)
+    model.stepper.prepare(True)
+    model.stepper.run(0.5, 10**6)
+    found, exact = model.wall_forces(), -4.0 * math.pi * mu * vortex
+    assert found["wall_torque_z inner"] == pytest.approx(exact, rel=0.02)
+    assert found["wall_torque_z outer"] == pytest.approx(-exact, rel=0.02)
+
+
+@pytest.mark.parametrize("pivot", [[0.0, 0.0], [0.2, -0.1]])
+def test_a_body_with_corners_that_turns_with_its_fluid_has_no_friction(pivot):
+    """Rigid rotation: what the Morris form has alone is 2 mu omega times the area."""
+    corners = [[-0.3, -0.2], [0.35, -0.15], [0.1, 0.3]]
+    case = Case.from_dict({
+        **FULL, **QUIET, "particle_spacing": 0.05, "end_time": 1.0,
+        "domain": {"lower": [-0.9, -0.9], "upper": [0.9, 0.9], "boundary": {"x": "open", "y": "open"}},
+        "phases": {"w": {"density": 1e-6, "viscosity": 1.0}},
+        "bodies": {"b": {"shape": {"polygon": {"points": corners}}, "motion": {"rotation": "2*t"}},
+                   "tank": {"shape": {"sphere": {"center": [0, 0], "radius": 0.7}}, "hollow": True,
+                            "motion": {"rotation": "2*t"}}},
+        "fluids": [{"phase": "w", "shape": {"sphere": {"center": [0, 0], "radius": 0.7}}}],
+        "gauges": {"f": {"type": "wall_force", "interval": 1.0, "pivot": pivot}},
+        "start": {"velocity": ["-2*y", "2*x"]}, "numerics": {"scheme": "delta_plus"},
+    })  # fmt: skip
+    model = Model(case, threads=1)
+    model.stepper.prepare(True)
+    found, area = model.wall_forces(), 0.1463
+    assert abs(found["wall_torque_z b"]) < 0.02 * 2.0 * 2.0 * area
+
+
 def channel(**numerics):
     """Return a case of a channel that starts up under a body force, half a metre high, 12 spacings."""
     return Case.from_dict({

@@ -16,7 +16,8 @@ class SurfaceStressGauge(Gauge):
     """One row for each station of the surface of a body: where it is, pressure and friction there [Pa].
 
     The stations of a plane body come in the order of its outline, and shear, the friction along it, has the sign of that
-    sense. The sum over the stations of length (3-D: area) times (friction - pressure normal) is the force on the body.
+    sense. The sum over the stations of length (3-D: area) times (friction - pressure normal) is the force on the body, to
+    second order in the size of a station over the radius of the surface.
     """
 
     def __init__(self, name: str, spec: Any, case: Any) -> None:

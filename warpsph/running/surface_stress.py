@@ -22,13 +22,15 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class _Order:
-    """The stations of a body: numbers of their wall particles, in the order of the arc where there is one.
+    """The stations of a body: its facets, in the order of the arc where there is one.
 
-    number: (n,), place among the wall particles of the start
+    facet: (n,), place among the facets of all walls
+    number: (n,), of their particles: place among the wall particles of the start
     arc: (n,), m, of a plane body, else None
     hollow: whether the body is all around its shape
     """
 
+    facet: NDArray[np.intp]
     number: NDArray[np.intp]
     arc: NDArray[np.float64] | None
     hollow: bool
@@ -37,8 +39,8 @@ class _Order:
 class SurfaceStress:
     """What the fluid does along the surfaces of bodies.
 
-    A station is a particle of the first layer: its foot, the surface that it stands for, and the stress there, of which the
-    load over the surface is the sum (`kernels/core/surface_load.py`).
+    A station is what a particle of the first layer stands for of one face: its foot, its size, and the stress there, of
+    which the load over the surface is the sum (`kernels/core/surface_load.py`).
     """
 
     def __init__(self, case: Case, geometry: Geometry, particles: Population, stepper: Stepper, loads: WallLoads) -> None:
@@ -52,17 +54,15 @@ class SurfaceStress:
         order = self._order(body)
         row = np.empty(self.particles.wall_count, dtype=np.intp)
         row[self._of_walls("particle_id") - self.geometry.fluid_count] = np.arange(len(row))
-        rows = row[order.number]
+        rows, bindings = row[order.number], self.stepper.bindings
 
         def get(name: str) -> NDArray[np.float64]:
-            return np.asarray(self._of_walls(name)[rows], np.float64)
+            return np.asarray(bindings[f"facet_{name}"].numpy()[order.facet], np.float64)
 
-        normal, area = get("wall_normal"), get("wall_area")
-        foot = get("position") + normal * get("wall_depth")[:, None]
-        bindings = self.stepper.bindings
-        stress = {name: np.float64(bindings[name].numpy()[rows]) / area[:, None] for name in ("load", "friction")}
-        friction = stress["friction"]
-        pressure = np.einsum("ij,ij->i", friction - stress["load"], normal)
+        turn = bindings["body_turn"].numpy().astype(np.float64)[self.geometry.body_names.index(body)]
+        normal, area = get("normal") @ turn.T, get("area")
+        foot = np.asarray(self._of_walls("position")[rows], np.float64) + get("arm") @ turn.T
+        pressure, friction = get("pressure"), get("friction")
         centre = self.loads.centre(body)
         along = angle = None
         if order.arc is not None:
@@ -83,16 +83,15 @@ class SurfaceStress:
             geometry, spacing = self.geometry, self.case.spacing
             surface = geometry.surface
             assert surface is not None, "a body has a surface"
-            wall = geometry.kind == 1
-            own = geometry.body[wall] == geometry.body_names.index(body) + 1
-            number = np.flatnonzero(own & (surface.area > 0.0))
+            facets = surface.facets
+            own = geometry.body[geometry.kind == 1][facets.owner] == geometry.body_names.index(body) + 1
+            facet = np.flatnonzero(own)
             shape = geometry.shapes[list(self.case.bodies).index(body)]
             arc = None
             if shape.dimension == 2:
-                normal = surface.normal[number]
-                foot = geometry.position[wall][number] + surface.depth[number, None] * normal
                 lattice = geometry.lattice
+                foot, normal = facets.foot[facet], facets.normal[facet]
                 arc = arc_lengths(shape, foot, normal, spacing, list(lattice.lower), list(lattice.upper))
-                number, arc = number[np.argsort(arc, kind="stable")], np.sort(arc)
-            self._orders[body] = _Order(number, arc, shape.hollow)
+                facet, arc = facet[np.argsort(arc, kind="stable")], np.sort(arc)
+            self._orders[body] = _Order(facet, facets.owner[facet], arc, shape.hollow)
         return self._orders[body]

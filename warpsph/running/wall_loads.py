@@ -40,7 +40,9 @@ class WallLoads:
     ) -> None:
         self.case, self.names = case, geometry.body_names
         self.particles, self.launcher, self.stepper, self.sums = particles, launcher, stepper, sums
-        self.vec = types_of(particles.spec).vec
+        self.real, self.vec, self.mat, _ = types_of(particles.spec)
+        self.facets = None if geometry.surface is None else geometry.surface.facets
+        self._at = geometry.position[geometry.kind == 1]  # of the wall particles at time 0
         self.home = self._centres(geometry)
         self.tracks = forcing_of(case).tracks
         self._arrays: dict[str, Any] = {}
@@ -54,6 +56,12 @@ class WallLoads:
         for array in ("load", "friction"):
             if array not in bindings:
                 bindings[array] = self._array(array)
+        if self.particles.spec.bodies:
+            if "couple" not in bindings:
+                bindings.update(self._facet_arrays())
+            bindings["twist"].zero_()  # which a load over the surface does not write
+            if self.tracks:
+                bindings["body_turn"].assign(self._turns())
         self.stepper.measure(name)
         return bindings["load"]
 
@@ -120,21 +128,48 @@ class WallLoads:
         self.launcher.task("torque", kernel, self.particles.wall_count, self.stepper.bindings, special=special).run()
         return special["torque"]
 
+    def _facet_arrays(self) -> dict[str, Any]:
+        """Return what the load over the surface takes and leaves, by kernel argument name (`surface_load`)."""
+        facets, device = self.facets, self.launcher.device
+        assert facets is not None, "walls with a surface of their own have facets"
+        walls = len(self._at)
+        first = np.concatenate([[0], np.cumsum(np.bincount(facets.owner, minlength=walls))])
+        arrays: dict[str, tuple[Any, Any]] = {
+            "facet_first": (first, int),
+            "facet_arm": (facets.foot - self._at[facets.owner], self.vec),
+            "facet_normal": (facets.normal, self.vec),
+            "facet_area": (facets.area, self.real),
+            "facet_vector": (facets.vector, self.vec),
+            "facet_moment": (facets.moment, self.mat),
+            "facet_pressure": (np.zeros(facets.count), self.real),
+            "facet_friction": (np.zeros_like(facets.foot), self.vec),
+            "body_turn": (np.tile(np.eye(facets.foot.shape[1]), (len(self.names), 1, 1)), self.mat),
+        }
+        made: dict[str, Any] = {name: wp.array(rows, dtype=kind, device=device) for name, (rows, kind) in arrays.items()}
+        return {**made, "couple": self._array("couple"), "twist": self._array("twist")}
+
+    def _turns(self) -> np.ndarray:
+        """Return how each wall body is turned since time 0, (bodies, d, d)."""
+        d = self.particles.spec.dimension
+        result = np.tile(np.eye(d), (len(self.names), 1, 1))
+        time = float(self.stepper.read()[0][ck.TIME])
+        for track in self.tracks:
+            result[self.names.index(track.name)] = track.turn(time)[:d, :d]
+        return result
+
     def _array(self, name: str) -> Any:
         if name not in self._arrays:
             self._arrays[name] = wp.zeros(self.particles.wall_count, dtype=self.vec, device=self.launcher.device)
         return self._arrays[name]
 
     def _centres(self, geometry: Geometry) -> np.ndarray:
-        """Return the centre of the surface of each wall body, (bodies, d) [m]: the mean of its first layer's feet."""
+        """Return the centre of the surface of each wall body, (bodies, d) [m]: the mean of the feet of its facets."""
         result = np.zeros((len(self.names), self.particles.spec.dimension))
-        surface = geometry.surface
-        if surface is None:
+        if self.facets is None:
             return result
-        wall = geometry.kind == 1
-        foot = geometry.position[wall] + surface.depth[:, None] * surface.normal
+        body = geometry.body[geometry.kind == 1][self.facets.owner]
         for k in range(len(self.names)):
-            rows = (geometry.body[wall] == k + 1) & (surface.area > 0)
+            rows = body == k + 1
             if rows.any():
-                result[k] = np.average(foot[rows], axis=0, weights=surface.area[rows])
+                result[k] = np.average(self.facets.foot[rows], axis=0, weights=self.facets.area[rows])
         return result

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from warpsph.scene.facets import Facets, facets_of
 from warpsph.scene.rings import Rows, ball_rings, outline_rings
 from warpsph.scene.sheets import Frames, SheetRows, beside_sheets, frames_of, sheet_rows
 from warpsph.scene.shells import ball_shells, brick_shells, relaxed_shells
@@ -46,6 +47,7 @@ class Sampling:
         overlap the other side and the fluid there, and their volumes are those of a thick body
     frame: (n,), which of `frames` the lines of sight to a particle of a tail are judged by, -1 for others
     frames: of the tails
+    facets: what each particle with an area stands for, by faces
     """
 
     position: NDArray[np.float64]
@@ -59,6 +61,7 @@ class Sampling:
     sheet: NDArray[np.int8]
     frame: NDArray[np.intp]
     frames: Frames
+    facets: Facets
 
     @property
     def count(self) -> int:
@@ -68,7 +71,7 @@ class Sampling:
     def only(self, kept: NDArray[np.bool_]) -> Sampling:
         """A part of the particles (n,); those whose leader goes get another."""
         columns = {name: getattr(self, name)[kept] for name in _COLUMNS}
-        return replace(self, **columns).led()
+        return replace(self, **columns, facets=self.facets.only(kept)).led()
 
     def reflected(self, rows: NDArray[np.intp], axis: int, plane: float) -> Sampling:
         """The particles, then the images of some `rows` across the plane at right angles to an axis at `plane`, m."""
@@ -113,7 +116,7 @@ class Sampling:
         return replace(self, leader=leader)
 
 
-_COLUMNS = tuple(field.name for field in fields(Sampling) if field.name != "frames")
+_COLUMNS = tuple(field.name for field in fields(Sampling) if field.name not in ("frames", "facets"))
 """What a sampling has of each particle."""
 
 
@@ -150,7 +153,10 @@ def sample(
     joined = replace(_joined(found), frames=frames)
     kept = np.all((joined.position > low) & (joined.position < high), axis=1)
     first = np.concatenate(real) & kept
-    return replace(joined, area=_areas(surface, joined, first, tails, spacing, low, high)).only(kept)
+    facets = _facets(surface, joined, first, tails, spacing, low, high)
+    area = np.zeros(joined.count)
+    np.add.at(area, facets.owner, facets.area)
+    return replace(joined, area=area, facets=facets).only(kept)
 
 
 def layers_of(surface: Surface, spacing: float, layers: int) -> Rows:
@@ -183,6 +189,7 @@ def _of_layers(surface: Surface, rows: Rows) -> Sampling:
         sheet=np.zeros(n, dtype=np.int8),
         frame=np.full(n, -1, dtype=np.intp),
         frames=Frames.joined([], d),
+        facets=Facets.none(d),
     )
 
 
@@ -203,16 +210,17 @@ def _of_sheet(rows: SheetRows, side: int, frames: Frames) -> Sampling:
         sheet=np.full(n, side, dtype=np.int8),
         frame=cKDTree(frames.point).query(rows.foot)[1],
         frames=Frames.joined([], 2),
+        facets=Facets.none(2),
     )
 
 
 def _joined(parts: list[Sampling]) -> Sampling:
-    """Several samplings as one, without their frames and leaders."""
+    """Several samplings as one, without their frames, facets and leaders."""
     columns: dict[str, Any] = {name: np.concatenate([getattr(part, name) for part in parts]) for name in _COLUMNS}
-    return Sampling(frames=parts[0].frames, **columns)
+    return Sampling(frames=parts[0].frames, facets=parts[0].facets, **columns)
 
 
-def _areas(
+def _facets(
     surface: Surface,
     sampling: Sampling,
     first: NDArray[np.bool_],
@@ -220,14 +228,13 @@ def _areas(
     spacing: float,
     low: NDArray[np.float64],
     high: NDArray[np.float64],
-) -> NDArray[np.float64]:
+) -> Facets:
     """The surface between two corners shared among the particles `first` (n,), each piece to the nearest one.
 
     Where the body is thin that of its own sheet is meant: the side of a tail is left to the particles of that side.
     """
     from scipy.spatial import cKDTree
 
-    area = np.zeros(sampling.count)
     middle, normal, size = surface.patches(spacing / _PATCHES[surface.dimension])
     held = np.all((middle >= low) & (middle <= high), axis=1)
     middle, normal, size = middle[held], normal[held], size[held]
@@ -236,12 +243,15 @@ def _areas(
         near = np.flatnonzero(beside_sheets([tail], middle, spacing))
         across = np.array([-tail.along[1], tail.along[0]])
         side[near] = np.where(normal[near] @ across > 0.0, 1, -1)
+    owner = np.full(len(middle), -1, dtype=np.intp)
     for own in (-1, 0, 1):
         rows = np.flatnonzero(first & (sampling.sheet == own))
         if len(rows) == 0:
             rows = np.flatnonzero(first)  # the nose of a body that is a tail all the way
         pieces = side == own
         if len(rows) and pieces.any():
-            owner = rows[cKDTree(sampling.position[rows]).query(middle[pieces])[1]]
-            area += np.bincount(owner, size[pieces], minlength=sampling.count)
-    return area
+            owner[pieces] = rows[cKDTree(sampling.position[rows]).query(middle[pieces])[1]]
+    shared = (owner >= 0) & (size > 0.0)
+    return facets_of(
+        surface, owner[shared], middle[shared], normal[shared], size[shared], sampling.foot, sampling.normal
+    )

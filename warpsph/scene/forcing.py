@@ -39,14 +39,16 @@ class Track:
 
     def place(self, point: NDArray[np.float64], time: float) -> NDArray[np.float64]:
         """Where a point (d,) of the body, m, of time 0 is at a time, s; or several, (n, d)."""
+        d = len(self.pivot)
+        arm = (point - self.pivot) @ self.turn(time)[:d, :d].T
+        way = np.array([float(part.at(time)) for part in self.translation])
+        return np.asarray(self.pivot + way + arm)
+
+    def turn(self, time: float) -> NDArray[np.float64]:
+        """How the body is turned at a time, s, since time 0: (3, 3)."""
         from scipy.spatial.transform import Rotation
 
-        d = len(self.pivot)
-        arm = np.zeros((*point.shape[:-1], 3))
-        arm[..., :d] = point - self.pivot
-        arm = Rotation.from_rotvec(float(self.rotation.at(time)) * self.axis).apply(arm)
-        way = np.array([float(part.at(time)) for part in self.translation])
-        return np.asarray(self.pivot + way + arm[..., :d])
+        return np.asarray(Rotation.from_rotvec(float(self.rotation.at(time)) * self.axis).as_matrix())
 
     def largest(self, end_time: float, order: int, reach: float) -> float:
         """Bound on the speed (order RATE) or acceleration (ACCELERATION) of a point `reach` m from the pivot, SI units."""

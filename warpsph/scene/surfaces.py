@@ -175,7 +175,7 @@ class Brick(Surface):
         found = []
         for axis in range(3):
             others = [k for k in range(3) if k != axis]
-            count = [max(1, math.ceil((upper[k] - lower[k]) / size)) for k in others]
+            count = [max(1, math.ceil((upper[k] - lower[k]) / size - 1e-9)) for k in others]
             step = [(upper[k] - lower[k]) / n for k, n in zip(others, count, strict=True)]
             u, v = np.meshgrid(*((np.arange(n) + 0.5) * s for n, s in zip(count, step, strict=True)), indexing="ij")
             for level, sign in ((lower[axis], -1.0), (upper[axis], 1.0)):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,6 +11,7 @@ from warpsph.case.domain import AXES
 from warpsph.case.signals import vector_at
 from warpsph.errors import Problem
 from warpsph.scene.body_surfaces import Solid, make_solids
+from warpsph.scene.facets import Facets
 from warpsph.scene.lattice import Lattice, points_of
 from warpsph.scene.sheets import Frames
 
@@ -34,6 +35,7 @@ class Surroundings:
     frame: (n,) int, which of `frames` lines of sight to it are judged by, -1 for none
     carried: (n,) int, which of `frames` moves with the particle, -1 for none
     frames: of all tails
+    facets: of the surface, by the rows of their particles; none beyond inlets and outlets
     """
 
     normal: NDArray[np.float64]
@@ -45,6 +47,7 @@ class Surroundings:
     frame: NDArray[np.int64]
     carried: NDArray[np.int64]
     frames: Frames
+    facets: Facets
 
 
 def surroundings_of_sides(
@@ -73,7 +76,14 @@ def surroundings_of_sides(
         area[first] = lattice.cell_volume / (beyond[first] * spacing).sum(axis=1)
     seen_by_all = np.zeros(n, dtype=np.int8), np.full(n, -1), np.full(n, -1)
     return Surroundings(
-        normal, depth, area, np.full(n, lattice.cell_volume), leader, *seen_by_all, Frames.joined([], lattice.dimension)
+        normal,
+        depth,
+        area,
+        np.full(n, lattice.cell_volume),
+        leader,
+        *seen_by_all,
+        Frames.joined([], lattice.dimension),
+        Facets.plane(first, foot[first], normal[first], area[first]),
     )
 
 
@@ -190,16 +200,23 @@ class WallCells:
             frame = np.where(s.frame < 0, -1, s.frame + first_frame)
             carried = s.carriers()
             carried = np.where(carried < 0, -1, carried + first_frame)
+            facets, leader = replace(s.facets, owner=s.facets.owner + first), s.leader + first
             parts.append(
-                Surroundings(s.normal, s.depth, s.area, s.volume, s.leader + first, s.sheet, frame, carried, s.frames)
+                Surroundings(s.normal, s.depth, s.area, s.volume, leader, s.sheet, frame, carried, s.frames, facets)
             )  # fmt: skip
             first += s.count
             first_frame += s.frames.count
         names = ("normal", "depth", "area", "volume", "leader", "sheet", "frame", "carried")
         columns = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
         foot = self.position + columns["normal"] * columns["depth"][:, None]
-        columns["area"] = np.where(self._beyond(foot), -columns["area"], columns["area"])
-        return Surroundings(**columns, frames=Frames.joined([part.frames for part in parts], lattice.dimension))
+        beyond = self._beyond(foot)
+        columns["area"] = np.where(beyond, -columns["area"], columns["area"])
+        facets = Facets.joined([part.facets for part in parts])
+        return Surroundings(
+            **columns,
+            frames=Frames.joined([part.frames for part in parts], lattice.dimension),
+            facets=facets.rows(~beyond[facets.owner]),
+        )
 
     def _through(self) -> NDArray[np.bool_]:
         """Which sides of each axis are inlets or outlets, (d, 2)."""

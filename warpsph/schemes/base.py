@@ -18,7 +18,13 @@ if TYPE_CHECKING:
     from warpsph.scene.geometry import Geometry
     from warpsph.scene.physics import Physics
 
-__all__ = ["Fault", "Scheme"]
+__all__ = ["LOAD_ARRAYS", "Fault", "Scheme"]
+
+LOAD_ARRAYS = frozenset(
+    {"load", "friction", "couple", "twist", "body_turn", "facet_first", "facet_arm", "facet_normal", "facet_area",
+     "facet_vector", "facet_moment", "facet_pressure", "facet_friction"}
+)  # fmt: skip
+"""Arrays that gauges of loads bring with them (`warpsph/running/wall_loads.py`)."""
 
 
 class Fault(NamedTuple):

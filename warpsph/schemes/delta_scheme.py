@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from warpsph.errors import Problem
+from warpsph.schemes.base import LOAD_ARRAYS
 from warpsph.schemes.delta_numerics import DeltaNumerics
 from warpsph.schemes.flow_through import FlowThrough, held_volume
 
@@ -33,7 +34,7 @@ class DeltaScheme(FlowThrough):
     shifts = True
     follows_origins = True
     # velocity_old is of the wall stage, which knows schemes of two time levels, wall_impact of births
-    work = frozenset({"load", "friction", "velocity_old", "phase", "wall_impact"})
+    work = LOAD_ARRAYS | {"velocity_old", "phase", "wall_impact"}
     kept = (*FlowThrough.kept, "budget_work", "budget_kick", "budget_force")
     budgets = True
 

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from warpsph.errors import Problem
+from warpsph.schemes.base import LOAD_ARRAYS
 from warpsph.schemes.flow_through import FlowThrough
 from warpsph.schemes.isph_numerics import IsphNumerics
 from warpsph.schemes.printed_form import printed_projection
@@ -43,7 +44,7 @@ class IsphScheme(FlowThrough):
         "number (numerics.courant), or pressure solves that end above their tolerance (numerics.maximum_iterations)"
     )
     # the last one is that of wall impacts, of which births know
-    work = frozenset({"load", "friction", "wall_impact"})
+    work = LOAD_ARRAYS | {"wall_impact"}
     kept = ("site_ahead", "face_pressure", "face_velocity", "face_before", "through")
 
     def check(self, case: Any) -> Iterator[Problem]:

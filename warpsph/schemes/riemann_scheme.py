@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from warpsph.errors import Problem
+from warpsph.schemes.base import LOAD_ARRAYS
 from warpsph.schemes.flow_through import FlowThrough, held_volume
 from warpsph.schemes.printed_form import printed_form
 from warpsph.schemes.riemann_numerics import RiemannNumerics
@@ -33,7 +34,7 @@ class RiemannScheme(FlowThrough):
     printed_ratio = 1.25
     follows_origins = True
     # the last of the wall stage, which knows schemes of two time levels
-    work = frozenset({"load", "friction", "velocity_old"})
+    work = LOAD_ARRAYS | {"velocity_old"}
 
     def check(self, case: Any) -> Iterator[Problem]:
         """Yield what needs a closed or periodic domain and has none."""
