@@ -8,7 +8,7 @@ A table stands between two marks, each a line of its own, anywhere in README.md 
     <!-- table: NAME -->
     <!-- end table -->
 
-    two_phase, one_phase, projection, delta_plus   errors of the shipped cases by resolution: phases or scheme
+    two_phase, one_phase, projection, delta_plus, gas   errors of the shipped cases by resolution: phases or scheme
     misses                             every error that is beyond the limit of its case
     unrecorded                         runs of the cases of which there is no record
     ci                                 the errors that the level ci is held to
@@ -433,6 +433,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "projection": lambda: by_resolution(lambda row: phases_in(row.case) == 1 and scheme_of(row) == "isph"),
     "one_phase": lambda: by_resolution(lambda row: phases_in(row.case) == 1 and scheme_of(row) == "riemann"),
     "delta_plus": lambda: by_resolution(lambda row: scheme_of(row) == "delta_plus"),
+    "gas": lambda: by_resolution(lambda row: scheme_of(row) == "gas"),
     "misses": misses,
     "unrecorded": unrecorded,
     "ci": ci,
