@@ -50,6 +50,11 @@ def bodies(spec: Spec) -> bool:
     return spec.bodies
 
 
+def moving_bodies(spec: Spec) -> bool:
+    """Runs with bodies that have a surface of their own, and bodies that move."""
+    return spec.bodies and spec.moving
+
+
 def free_surface(spec: Spec) -> bool:
     """Runs with a free surface."""
     return spec.free_surface

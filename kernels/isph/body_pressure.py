@@ -16,28 +16,67 @@ from .surface import INSIDE
 
 
 @functools.cache
-def make_look_ahead(spec: Spec) -> Any:
-    """Return the kernel that extrapolates the velocity to the end of the step; `behind` 1: that of walls, as it is."""
+def make_remember_walls(spec: Spec) -> Any:
+    """Return the kernel over wall particles that keeps their velocities at the start of the step and of that before."""
+    _, vec, _, _ = types_of(spec)
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def remember_walls(
+        first: int,
+        fluid_count: int,
+        velocity: wp.array(dtype=vec),
+        wall_before: wp.array(dtype=vec),
+        wall_before_old: wp.array(dtype=vec),
+    ):
+        w = wp.tid() + first
+        wall_before_old[w] = wall_before[w]
+        wall_before[w] = velocity[w + fluid_count]
+
+    return remember_walls
+
+
+@functools.cache
+def make_look_ahead(spec: Spec) -> tuple[Any, Any]:
+    """Return the kernels over fluid and walls that extrapolate the velocity to the end of the step.
+
+    Those of walls are extrapolated as those of the fluid that goes with them, so that differences between them and fits know
+    no acceleration of a wall. `wall_jump` is what the velocity of the wall is beyond that: pressure adds it to the fluid.
+    """
     real, vec, _, _ = types_of(spec)
     time_weights = make_weights(spec.second_order)
 
     @wp.kernel(module="unique", enable_backward=False)
     def look_ahead(
         first: int,
-        behind: int,
-        fluid_count: int,
         clock: wp.array(dtype=wp.float64),
         velocity: wp.array(dtype=vec),
         velocity_old: wp.array(dtype=vec),
         velocity_ahead: wp.array(dtype=vec),
     ):
-        i = wp.tid() + first + behind * fluid_count
+        i = wp.tid() + first
         v = velocity[i]
-        if behind == 0:
-            v = v + (v - velocity_old[i]) * real(time_weights(clock)[3])
-        velocity_ahead[i] = v
+        velocity_ahead[i] = v + (v - velocity_old[i]) * real(time_weights(clock)[3])
 
-    return look_ahead
+    @wp.kernel(module="unique", enable_backward=False)
+    def walls_ahead(
+        first: int,
+        fluid_count: int,
+        clock: wp.array(dtype=wp.float64),
+        velocity: wp.array(dtype=vec),
+        wall_before: wp.array(dtype=vec),
+        wall_before_old: wp.array(dtype=vec),
+        wall_jump: wp.array(dtype=vec),
+        velocity_ahead: wp.array(dtype=vec),
+    ):
+        w = wp.tid() + first
+        v = velocity[w + fluid_count]
+        if wp.static(spec.moving):
+            ahead = wall_before[w] + (wall_before[w] - wall_before_old[w]) * real(time_weights(clock)[3])
+            wall_jump[w] = v - ahead
+            v = ahead
+        velocity_ahead[w + fluid_count] = v
+
+    return look_ahead, walls_ahead
 
 
 @functools.cache
@@ -90,6 +129,7 @@ def make_body_source(spec: Spec) -> Any:
         boundary_volume: wp.array(dtype=real),
         wall_normal: wp.array(dtype=vec),
         mirror_velocity: wp.array(dtype=vec),
+        wall_jump: wp.array(dtype=vec),
         lasting_gradient: wp.array(dtype=vec),
         correction: wp.array(dtype=mat),
         spread: wp.array(dtype=real),
@@ -121,7 +161,10 @@ def make_body_source(spec: Spec) -> Any:
             d = separation(xi, position[j], True, params)
             f = slope(wp.length(d) * params.inv_h) * boundary_volume[b] * params.g_norm
             flow += wp.outer(mirror_velocity[b] - ahead, f * d)
-            right -= real(2.0) / rho * f * wp.dot(jump, n) * wp.dot(d, n)
+            across = wp.dot(jump, n)
+            if wp.static(spec.moving):
+                across += wp.dot(wall_jump[b], n) * (rho / reach)
+            right -= real(2.0) / rho * f * across * wp.dot(d, n)
         right -= spread[i] / real(dimension) * wp.trace(flow * correction[i]) / reach
         source[i] = source[i] + rest_volume[i] / params.wall_volume * right
 

@@ -1,6 +1,6 @@
 """The particle fields of projection ISPH, beside those that every scheme of fluid flow has."""
 
-from warpsph.kernels.core.fields import COMMON, FLOW, Field, always, bodies, free_surface
+from warpsph.kernels.core.fields import COMMON, FLOW, Field, always, bodies, free_surface, moving_bodies
 
 ISPH_FIELDS: tuple[Field, ...] = (
     *COMMON,
@@ -21,10 +21,13 @@ ISPH_FIELDS: tuple[Field, ...] = (
     Field("surface_normal", "vec", "fluid", False, always, "-", "outward normal; of use at the surface alone", True),
     Field("velocity_gradient", "mat", "fluid", False, free_surface, "1/s", "of the end of the step"),
     Field("smoothing", "real", "fluid", False, free_surface, "-", "share of a deviation that smoothing takes out in a step"),
-    Field("beside", "vec", "fluid", True, bodies, "-", "normal of the nearest wall particle of the last step; 0: none"),
-    Field("wall_gap", "real", "fluid", True, bodies, "m", "distance from the surface of that wall"),
+    Field("beside", "vec", "fluid", True, bodies, "-", "normal of the surface before a particle in the last step; 0: none"),
+    Field("wall_gap", "real", "fluid", True, bodies, "m", "distance from it"),
     Field("wall_pace", "real", "fluid", True, bodies, "m/s", "its velocity along the normal"),
     Field("velocity_ahead", "vec", "all", False, bodies, "m/s", "velocity extrapolated to the end of the step"),
+    Field("wall_before", "vec", "wall", True, moving_bodies, "m/s", "velocity of a wall particle at the start of the step"),
+    Field("wall_before_old", "vec", "wall", True, moving_bodies, "m/s", "the same, one step earlier"),
+    Field("wall_jump", "vec", "wall", False, moving_bodies, "m/s", "its velocity less what is extrapolated from both"),
     Field("unknown", "real", "fluid", False, always, "Pa", "solution of the pressure equation"),
     Field("source", "real", "fluid", False, always, "1/s^2", "its right-hand side"),
 )

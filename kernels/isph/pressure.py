@@ -10,11 +10,13 @@ from warpsph.kernels.core.fields import FLUID
 from warpsph.kernels.core.mirror import code_shift, make_images, make_sides
 from warpsph.kernels.core.pair import WRAPPED, list_access, make_entry, natural
 from warpsph.kernels.core.params import make_params, make_phase
+from warpsph.kernels.core.poses import make_pose
 from warpsph.kernels.core.smoothing import make_smoothing
 from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, types_of
 from warpsph.kernels.core.time_signals import GRAVITY_NEXT, make_forcing
 from warpsph.kernels.core.weights import make_weights
 
+from .body_contact import make_contact
 from .body_pressure import make_friction_rate
 from .surface import INSIDE
 
@@ -295,6 +297,8 @@ def make_correct(spec: Spec) -> Any:
     list_begin, list_step, neighbour, Listed = list_access(spec)
     gravity_of, body_force_of = make_forcing(spec)
     time_weights = make_weights(spec.second_order)
+    contact = make_contact(spec)
+    Pose = make_pose()
     periodic = any(spec.periodic)
     image_bit = code_shift(spec.dimension)
     index_mask = (1 << image_bit) - 1
@@ -322,11 +326,16 @@ def make_correct(spec: Spec) -> Any:
         boundary_volume: wp.array(dtype=real),
         wall_normal: wp.array(dtype=vec),
         wall_depth: wp.array(dtype=real),
+        wall_area: wp.array(dtype=real),
         surface: wp.array(dtype=wp.uint8),
         velocity_ahead: wp.array(dtype=vec),
         velocity_star: wp.array(dtype=vec),
         velocity: wp.array(dtype=vec),
         wall_acceleration: wp.array(dtype=vec),
+        wall_jump: wp.array(dtype=vec),
+        wall_body: wp.array(dtype=int),
+        body_motion: wp.array(dtype=int),
+        poses: wp.array(dtype=Pose),
         velocity_old: wp.array(dtype=vec),
         pressure_gradient: wp.array(dtype=vec),
         lasting_gradient: wp.array(dtype=vec),
@@ -380,8 +389,6 @@ def make_correct(spec: Spec) -> Any:
             reach = real(weights[2] * clock[STEP])
             if reach > real(0.0):
                 added = (velocity_star[i] - velocity_ahead[i]) * (rho / reach)
-            nearest_wall = real(1.0e30)
-            beside[i] = vec()
         nearest = real(TOUCH) * params.spacing  # distance of the nearest wall particle
         off_wall = vec()
         wall_speed = vec()
@@ -395,15 +402,16 @@ def make_correct(spec: Spec) -> Any:
                 if wp.static(spec.bodies):
                     b = j - (particle_count - boundary_volume.shape[0])
                     n = wall_normal[b]
-                    if r < nearest_wall:
-                        nearest_wall = r
-                        beside[i] = n
-                        wall_gap[i] = wp.dot(n, d) - wall_depth[b]
-                        wall_pace[i] = wp.dot(n, velocity[j])
                     fd = (slope(r * params.inv_h) * boundary_volume[b] * params.g_norm) * d
                     # along the wall as the fluid has it, across it what stops the velocity
                     shut += wp.outer(fd, d - n * wp.dot(n, d))
-                    push -= fd * (wp.dot(n, d) * wp.dot(n, added))
+                    across = wp.dot(n, added)
+                    if wp.static(spec.moving):
+                        if reach > real(0.0):
+                            across -= wp.dot(n, wall_jump[b]) * (rho / reach)
+                        else:
+                            across -= wp.dot(n, wall_acceleration[b]) * rho
+                    push -= fd * (wp.dot(n, d) * across)
                     continue
                 if r < nearest and r > real(0.0):
                     nearest = r
@@ -417,6 +425,11 @@ def make_correct(spec: Spec) -> Any:
                     p_j -= rho * wp.dot(gravity_of(params, forcing, GRAVITY_NEXT), d)
                 f = slope(wp.sqrt(wp.dot(d, d)) * params.inv_h) * params.wall_volume
                 total += (f * (p_j + sign * p_i)) * d
+        if wp.static(spec.bodies):
+            contact(
+                i, xi, particle_count, list_width, params, neighbours, fluid_neighbours, wall_neighbours, position, velocity,
+                wall_normal, wall_depth, wall_area, wall_body, body_motion, poses, beside, wall_gap, wall_pace,
+            )  # fmt: skip
         gradient = total * params.g_norm
         if wp.static(spec.corrected):
             if wp.static(spec.bodies):

@@ -17,7 +17,7 @@ from warpsph.kernels.core.surface_load import make_surface_load
 from warpsph.kernels.core.time_signals import depends_on_time
 from warpsph.kernels.core.wall import make_wall
 from warpsph.kernels.core.wall_fit import make_wall_fit, make_wall_rows, make_wall_values
-from warpsph.kernels.isph.body_pressure import make_body_source, make_look_ahead
+from warpsph.kernels.isph.body_pressure import make_body_source, make_look_ahead, make_remember_walls
 from warpsph.kernels.isph.diffusion import make_diffusion
 from warpsph.kernels.isph.open_projection import (
     make_buffer_pressure,
@@ -226,7 +226,10 @@ def bodies(spec: Spec) -> list[Stage]:
     if not spec.moving:
         return []
     values = {"level": NEXT, "speed": 1, "closing": 1}
-    return [Stage("move_bodies", make_move_bodies(spec), "wall", "bodies at the end of the step", values)]
+    stages = [Stage("move_bodies", make_move_bodies(spec), "wall", "bodies at the end of the step", values)]
+    if spec.bodies:
+        stages.insert(0, Stage("remember_walls", make_remember_walls(spec), "wall", "velocity of bodies before the step"))
+    return stages
 
 
 def look(spec: Spec) -> list[Stage]:
@@ -234,9 +237,9 @@ def look(spec: Spec) -> list[Stage]:
     stages = []
     if spec.bodies:
         stages.append(Stage("wall_rows", make_wall_rows(), "wall", "where the list build has put each wall particle"))
-        ahead, reason = make_look_ahead(spec), "velocity at the end of the step, which bodies see"
-        stages.append(Stage("look_ahead", ahead, "fluid", reason, values={"behind": 0}))
-        stages.append(Stage("look_ahead", ahead, "wall", reason, values={"behind": 1}))
+        ahead, walls_ahead = make_look_ahead(spec)
+        stages.append(Stage("look_ahead", ahead, "fluid", "velocity extrapolated to the end of the step, which bodies see"))
+        stages.append(Stage("walls_ahead", walls_ahead, "wall", "the same of bodies, and what they do beyond it"))
         stages += continued(spec, "velocity_ahead")
     elif spec.wall_no_slip and spec.walls:
         stages.append(Stage("wall_state", make_wall(spec), "wall", "mirrored velocity of the bodies"))

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 # Bytes on the device of a particle: vectors of the solver, grids of the preconditioner.
 SOLVER, SOLVER_AXIS = 36, 30
-SHIFT_CAP = 0.05  # longest shift of a step as share of h
+SHIFT_CAP = 0.25  # longest shift of a step, in spacings: two neighbours do not change places
 
 
 class IsphScheme(FlowThrough):
@@ -118,7 +118,7 @@ class IsphScheme(FlowThrough):
 
         choices = physics.choices
         params.shifting = float(choices["shifting"])
-        params.shift_cap = SHIFT_CAP
+        params.shift_cap = SHIFT_CAP * case.spacing / physics.h
         params.feedback = float(choices["volume_feedback"])
         params.filter = float(choices["surface_filter"])
         first_row, second_row = row_shares(physics.spec, physics.h / case.spacing)
