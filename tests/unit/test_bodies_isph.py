@@ -397,6 +397,6 @@ def test_a_box_that_moves_in_a_full_tank_gives_no_more_energy_than_it_takes() ->
         assert model.time == pytest.approx(k / 10.0)
         v = model.particles.get("velocity")[: model.geometry.fluid_count]
         energy.append(0.5 * 1000.0 * 0.04**2 * float((v**2).sum()))
-    # 11.4 at t = 0.4 and 3.5 at 0.8 with steps of 2 ms
-    assert max(energy) < 16.0
-    assert energy[-1] < 8.0
+    # twice what steps of 2 ms have, 11.4 at t = 0.4 and 3.5 at 0.8; before it was 156 and diverged
+    assert max(energy) < 2.0 * 11.4
+    assert energy[-1] < 2.0 * 3.5

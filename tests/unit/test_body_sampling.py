@@ -59,6 +59,22 @@ def test_a_box_on_the_lattice_is_the_lattice(lower):
     assert found.area[(found.layer == 0) & ~at_corner] == pytest.approx(DX)
 
 
+@pytest.mark.parametrize("lower", [(0.0, 0.0), (0.3, 0.2), (10.24, -5.12), (0.3, 0.7, -1.1), (100.1, 0.2, 0.7)])
+def test_a_corner_has_the_mean_normal_of_its_faces_wherever_the_box_is(lower):
+    """And its foot on the edge, in all layers: with the normal of one face rounding would choose which."""
+    d, layers = len(lower), 3
+    surface = box_surface(lower, np.add(lower, 0.8 if d == 2 else 0.7))
+    found = sample(surface, 0.1, layers)
+    inside = np.minimum(found.position - lower, surface.bounds[1] - found.position)
+    ties = np.abs(inside - inside.min(axis=1, keepdims=True)) < 0.01
+    several = ties.sum(axis=1) > 1
+    assert several.sum() == (12 if d == 2 else 12 * (5 + 3 + 1) + 8 * layers)
+    mean = np.where(ties, np.sign(found.position - surface.bounds.mean(axis=0)), 0.0)
+    mean /= np.linalg.norm(mean, axis=1, keepdims=True)
+    assert found.normal[several] == pytest.approx(mean[several], abs=1e-6)
+    assert found.depth[several] == pytest.approx((inside.min(axis=1) * np.sqrt(ties.sum(axis=1)))[several], abs=1e-6)
+
+
 @pytest.mark.parametrize("hollow", [False, True])
 def test_a_box_in_three_dimensions_is_the_lattice(hollow):
     dx, layers = 0.1, 2

@@ -7,13 +7,14 @@ faces lie between cells of the lattice gets the cells of the lattice.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from warpsph.scene.facets import Facets, facets_of
-from warpsph.scene.rings import Rows, ball_rings, outline_rings
+from warpsph.scene.rings import CORNER, Rows, ball_rings, outline_rings
 from warpsph.scene.sheets import Frames, SheetRows, beside_sheets, frames_of, sheet_rows
 from warpsph.scene.shells import ball_shells, brick_shells, relaxed_shells
 from warpsph.scene.surfaces import Ball, Brick, Hollow, Outline, Surface
@@ -116,6 +117,12 @@ class Sampling:
         return replace(self, leader=leader)
 
 
+_TIE = 1e-6
+"""Share of the size of a body by which its faces are as near to a particle."""
+
+_SHARPEST = 0.5
+"""Cosine between the mean normal and a face below which an edge is sharper than 60 degrees: a tail, or a plate."""
+
 _COLUMNS = tuple(field.name for field in fields(Sampling) if field.name not in ("frames", "facets"))
 """What a sampling has of each particle."""
 
@@ -175,7 +182,7 @@ def layers_of(surface: Surface, spacing: float, layers: int) -> Rows:
 
 def _of_layers(surface: Surface, rows: Rows) -> Sampling:
     """The particles of layers, without areas and leaders."""
-    foot, normal = surface.closest(rows.position)
+    foot, normal = _nearest(surface, rows.position)
     n, d = rows.position.shape
     return Sampling(
         position=rows.position,
@@ -191,6 +198,35 @@ def _of_layers(surface: Surface, rows: Rows) -> Sampling:
         frames=Frames.joined([], d),
         facets=Facets.none(d),
     )
+
+
+def _nearest(surface: Surface, position: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Foot (n, d), m, and normal (n, d) of particles; of one that is as near to several faces, their edge and mean normal.
+
+    Which of the faces `Surface.closest` names rounding decides, and with it how the fluid would be continued into a corner.
+    The edge is the point of the mean normal through the particle that lies on the planes of all these faces.
+    """
+    foot, normal = surface.closest(position)
+    depth = np.linalg.norm(position - foot, axis=1)
+    aside = _TIE * surface.size
+    found = [normal]
+    for axis in range(position.shape[1]):
+        for way in (-aside, aside):
+            moved = position + way * np.eye(position.shape[1])[axis]
+            other_foot, other = surface.closest(moved)
+            tied = np.abs(np.linalg.norm(position - other_foot, axis=1) - depth) < 4.0 * aside
+            known = [np.einsum("ij,ij->i", other, one) > math.cos(CORNER) for one in found]
+            found.append(np.where((tied & ~np.any(known, axis=0))[:, None], other, 0.0))
+    total = np.sum(found, axis=0)
+    length = np.linalg.norm(total, axis=1)
+    mean = total / np.where(length > 0.0, length, 1.0)[:, None]
+    slope = np.einsum("ij,ij->i", mean, normal)
+    # Faces that are opposite, in the middle of a thin body, or far apart on a bent one have no edge in common.
+    edge = (slope > _SHARPEST) & (slope < math.cos(0.5 * CORNER))
+    outwards = np.sign(np.einsum("ij,ij->i", foot - position, normal))
+    point = position + (outwards * depth / np.where(edge, slope, 1.0))[:, None] * mean
+    edge &= np.linalg.norm(point - surface.closest(point)[0], axis=1) < 4.0 * aside
+    return np.where(edge[:, None], point, foot), np.where(edge[:, None], mean, normal)
 
 
 def _of_sheet(rows: SheetRows, side: int, frames: Frames) -> Sampling:
