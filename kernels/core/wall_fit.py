@@ -12,6 +12,8 @@ of particles. The quadratic terms make the viscous term beside the surface one o
 that are not plane.
 
 A wall without friction has a velocity along it from the fit of the fluid alone, and a slope that makes no shear stress.
+A divergence has such a velocity too (`sliding`) where the layer on a wall that the fluid sticks to is thinner than a fit
+sees: there -S n z turns round what runs along the wall, and so the sign of its divergence (theory: delta#layers).
 Where the fluid is too thin for a fit, G = 0, and the velocity changes along the normal alone.
 
 G.n is what friction and a curved path of the fluid need, which change with the flow. In sound it is zero at a wall, but not
@@ -38,6 +40,7 @@ HALF_SPACE = {1: 0.069, 2: 0.055, 3: 0.044}  # 1/tr(spread^-1) of an even half s
 # Shares of it between which the fit is faded out: the fluid before the foot is too thin to say how its fields change through
 # it. Two rows have 0.97, a right-angled corner 0.62 (three sides: 0.49); a row that is 0.6 spacings thick 0.27, one row 0.
 THIN, WHOLE = 0.25, 0.45
+THICK = 0.5  # of its slope over h: velocity that the fluid has at a wall by a fit of its own, half way to one it sticks to
 MOST_BEND = 0.5  # what the quadratic term may be of the linear one at a support: an unresolved layer is no parabola
 NEAREST = 0.25  # spacings: fluid nearer than that to the surface counts as at that distance, for the slope of its velocity
 # Rate over c/dx at which the slope of the pressure along the normal follows the fit. Eigenvalues of sound between two walls
@@ -65,11 +68,11 @@ def make_wall_rows() -> Any:
 
 @functools.cache
 def make_bent(dimension: int, precision: str, across: bool) -> Any:
-    """Return the `wp.func` that solves for the velocity S r + q y^2 + c s^2 of a fit: (S, q), from its weighted sums.
+    """Return the `wp.func` that solves for the velocity S r + q y^2 + c s^2 of a fit: (S, q, c), from its weighted sums.
 
     bent(sum v (x) r, sum v y^2, sum v s^2, sum r (x) r, sum r y^2, sum r s^2, sum y^4, sum y^2 s^2, sum s^4, normal, reach):
     v is the velocity less that of the wall, `reach` the support of the kernel. q = 0 where the particles do not tell it
-    from a slope. across: q has a part along the normal.
+    from a slope. across: q has a part along the normal. With sums about the means it is a fit that does not know the wall.
     """
     real, vec, mat, _ = types(dimension, precision)
 
@@ -109,17 +112,81 @@ def make_bent(dimension: int, precision: str, across: bool) -> Any:
             slope -= wp.outer(q, inverse * line_y) + wp.outer(c, inverse * line_s)
         else:
             q = vec()
-        return slope, q
+            c = vec()
+        return slope, q, c
 
     return bent
 
 
 @functools.cache
-def make_wall_fit(spec: Spec, across: bool = False, followed: bool = False) -> Any:
+def make_sliding(dimension: int, precision: str) -> tuple[Any, Any]:
+    """Return the `wp.func`s of the velocity along a wall that a divergence has there (theory: delta#layers).
+
+    own_fit(the sums of `bent` and their means, trust, normal, reach): velocity at the foot less that of the wall, slope and
+    bend of a fit that does not know the wall.
+    slid(these three, slope and bend of the fit that knows it, normal, h): what is added to the velocity of the wall, slope
+    and bend. Across the wall all is as the fit has it that knows it.
+    """
+    real, vec, mat, _ = types(dimension, precision)
+    bent = make_bent(dimension, precision, False)
+
+    @wp.func
+    def own_fit(
+        flow: vec,
+        shear: mat,
+        bend: vec,
+        bow: vec,
+        mean: vec,
+        square: mat,
+        line_y: vec,
+        line_s: vec,
+        yyyy: real,
+        yyss: real,
+        ssss: real,
+        trust: real,
+        normal: vec,
+        reach: real,
+    ):
+        y2 = wp.dot(normal, square * normal)
+        s2 = wp.trace(square) - y2
+        slope, q, c = bent(
+            shear - wp.outer(flow, mean),
+            bend - y2 * flow,
+            bow - s2 * flow,
+            square - wp.outer(mean, mean),
+            line_y - y2 * mean,
+            line_s - s2 * mean,
+            yyyy - y2 * y2,
+            yyss - y2 * s2,
+            ssss - s2 * s2,
+            normal,
+            reach,
+        )
+        return flow - trust * (slope * mean + y2 * q + s2 * c), trust * slope, trust * q
+
+    @wp.func
+    def slid(value: vec, slope: mat, q: vec, shear: mat, bend: vec, normal: vec, h: real):
+        along = value - normal * wp.dot(value, normal)
+        rise = slope * normal
+        rise -= normal * wp.dot(rise, normal)
+        # large where the fit sees the layer
+        layer = real(THICK * THICK) * h * h * wp.dot(rise, rise) / (wp.dot(along, along) + real(1.0e-30))
+        part = real(1.0) / (real(1.0) + layer * layer)
+        change = slope - shear
+        change -= wp.outer(normal, wp.transpose(change) * normal)
+        return part * along, shear + part * change, bend + part * (q - bend)
+
+    return own_fit, slid
+
+
+@functools.cache
+def make_wall_fit(spec: Spec, across: bool = False, followed: bool = False, sliding: bool = False) -> Any:
     """Return the kernel over wall particles that fits pressure and velocity of the fluid before the first layer.
 
     across: the velocity bends across the wall too; else q has no part along the normal.
     followed: the slope of the pressure along the normal follows the fit, by the time of one step; else it is that of it.
+    sliding: for a divergence; along walls that the fluid sticks to, through a layer thinner than a fit sees, the velocity is
+        its own.
     """
     real, vec, mat, pair = types_of(spec)
     Params = make_params(spec.dimension, spec.precision)
@@ -132,6 +199,7 @@ def make_wall_fit(spec: Spec, across: bool = False, followed: bool = False) -> A
     Pose = make_pose()
     half_space = HALF_SPACE[spec.dimension]
     bent = make_bent(spec.dimension, spec.precision, across)
+    own_fit, slid = make_sliding(spec.dimension, spec.precision)
 
     @wp.kernel(module="unique", enable_backward=False, module_options=SWEEP_OPTIONS)
     def wall_fit(
@@ -266,11 +334,23 @@ def make_wall_fit(spec: Spec, across: bool = False, followed: bool = False) -> A
             nearest = real(NEAREST) * params.spacing
             out = wp.max(wp.dot(normal, square * normal), nearest * nearest)
             straight = wp.outer(shear * normal / out, normal)
+            if wp.static(sliding):
+                own_shear = mat()  # of a fit with quadratic terms that does not know the wall, and its velocity at the foot
+                own_bend = vec()
+                own_value = vec(flow)
             if trust > real(0.0):
                 reach = real(2.0) * params.h
-                shear, bend = bent(shear, bend, bow, square, line_y, line_s, yyyy, yyss, ssss, normal, reach)
+                if wp.static(sliding):
+                    own_value, own_shear, own_bend = own_fit(
+                        flow, shear, bend, bow, mean, square, line_y, line_s, yyyy, yyss, ssss, trust, normal, reach
+                    )
+                shear, bend, _bow = bent(shear, bend, bow, square, line_y, line_s, yyyy, yyss, ssss, normal, reach)
             bend = bend * trust
             shear = straight + (shear - straight) * trust
+            if wp.static(sliding):
+                if not slips:
+                    along, shear, bend = slid(own_value, own_shear, own_bend, shear, bend, normal, params.h)
+                    own_velocity += along
             if slips:
                 # along a wall without friction the fluid has its own velocity, and no shear stress: (S + S^T) n is along n
                 along = flow - free * mean
@@ -296,8 +376,11 @@ def make_wall_fit(spec: Spec, across: bool = False, followed: bool = False) -> A
 
 
 @functools.cache
-def make_wall_values(spec: Spec) -> Any:
-    """Return the kernel that gives every wall particle the pressure and mirrored velocity of the fit of its leader."""
+def make_wall_values(spec: Spec, sliding: bool = False) -> Any:
+    """Return the kernel that gives every wall particle the pressure and mirrored velocity of the fit of its leader.
+
+    sliding: the fit is one of that name.
+    """
     real, vec, mat, pair = types_of(spec)
     Params = make_params(spec.dimension, spec.precision)
     separation = separation_of(spec)
@@ -338,7 +421,9 @@ def make_wall_values(spec: Spec) -> Any:
             p = wp.max(p, real(0.0))  # a wall does not pull on a fluid that may leave it
         state[i] = pair(p, boundary_volume[w])
         mirror = surface_velocity[lead] + surface_shear[lead] * way
-        if wp.static(spec.wall_no_slip):
+        if wp.static(sliding):
+            mirror += surface_bend[lead] * (wall_depth[w] * wall_depth[w])
+        elif wp.static(spec.wall_no_slip):
             if slip[w] == wp.uint8(0):
                 depth = wall_depth[w]
                 arm = wall_normal[w] * depth

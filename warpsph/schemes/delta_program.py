@@ -47,7 +47,7 @@ def leapfrog(spec: Spec) -> list[Node]:
         *bodies(spec, MIDDLE, speed=1),
         *windows(spec),
         Stage("drift", make_delta_drift(spec), "fluid", "moves the particles"),
-        *walls_ahead(spec),
+        *walls_ahead(spec, sliding=True),
         Stage("continuity", make_delta_continuity(spec), "fluid", "rate of the density, with its diffusion"),
         *budget_ahead(spec),
         state(spec, closing=1),
@@ -73,8 +73,9 @@ def runge_kutta(spec: Spec) -> list[Node]:
     flow = make_delta_continuity(spec, slow_part=False)
     rates = [
         state(spec, closing=0),
-        *walls(spec),
+        *walls(spec, sliding=True),
         Stage("continuity", flow, "fluid", "rate of the density", fields=here),
+        *(walls(spec) if spec.bodies and spec.wall_no_slip else []),
         Stage("acceleration", make_delta_momentum(spec, measuring=False), "fluid", "acceleration"),
     ]
     held = Stage("diffusion", slow, "fluid", "diffusion of the density", fields={**here, "density_rate": "slow_rate"})

@@ -36,19 +36,22 @@ def bodies(spec: Spec, level: int, speed: int = 0, closing: int = 0) -> list[Sta
     return [Stage("move_bodies", make_move_bodies(spec), "wall", reason, values)]
 
 
-def walls(spec: Spec, ahead: bool = False, across: bool = False) -> list[Stage]:
+def walls(spec: Spec, ahead: bool = False, across: bool = False, sliding: bool = False) -> list[Stage]:
     """Return the stages that continue the flow into the walls; `ahead` of the continuity sweep it is for the velocities.
 
     across: velocities bend across the walls too, for a viscous term (theory: riemann#bodies).
+    sliding: for a divergence, walls have the fluid's own velocity along them, where friction has not got hold of it.
     """
     if not spec.walls:
         return []
     if spec.bodies:
-        fit = make_wall_fit(spec, across=across, followed=spec.wall_sound and not ahead)
+        sliding = sliding and spec.wall_no_slip  # other walls have that velocity anyway
+        fit = make_wall_fit(spec, across=across, followed=spec.wall_sound and not ahead, sliding=sliding)
+        values = make_wall_values(spec, sliding=sliding)
         return [
             Stage("wall_rows", make_wall_rows(), "wall", "where the list build has put each wall particle"),
             Stage("wall_fit", fit, "wall", "linear fit of the flow before the walls"),
-            Stage("wall_values", make_wall_values(spec), "wall", "pressure and mirrored velocity of the walls"),
+            Stage("wall_values", values, "wall", "pressure and mirrored velocity of the walls"),
         ]
     return [Stage("wall_state", make_wall(spec), "wall", "pressure and mirrored velocity of the walls")]
 
@@ -62,10 +65,10 @@ def surface_load(spec: Spec) -> list[Stage]:
     ]
 
 
-def walls_ahead(spec: Spec) -> list[Stage]:
+def walls_ahead(spec: Spec, sliding: bool = False) -> list[Stage]:
     """Return the stages that give the continuity sweep wall velocities of the same moment as those of the fluid.
 
     Those of the stages after it are a step old when the next one comes, which feeds sound that runs between two walls. The
     conservative gradient has a dissipation that is more than that, and several fluids have their own one-sided velocities.
     """
-    return walls(spec, ahead=True) if spec.wall_sound else []
+    return walls(spec, ahead=True, sliding=sliding) if spec.wall_sound else []
