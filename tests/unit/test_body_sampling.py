@@ -64,7 +64,7 @@ def test_a_corner_has_the_mean_normal_of_its_faces_wherever_the_box_is(lower):
     """And its foot on the edge, in all layers: with the normal of one face rounding would choose which."""
     d, layers = len(lower), 3
     surface = box_surface(lower, np.add(lower, 0.8 if d == 2 else 0.7))
-    found = sample(surface, 0.1, layers)
+    found = sample(surface, 0.1, layers, mean_edges=True)
     inside = np.minimum(found.position - lower, surface.bounds[1] - found.position)
     ties = np.abs(inside - inside.min(axis=1, keepdims=True)) < 0.01
     several = ties.sum(axis=1) > 1

@@ -133,6 +133,7 @@ def sample(
     layers: int,
     lower: Sequence[float] | None = None,
     upper: Sequence[float] | None = None,
+    mean_edges: bool = False,
 ) -> Sampling:
     """The boundary particles of a body.
 
@@ -141,6 +142,7 @@ def sample(
         spacing: particle spacing, m.
         layers: how many; with enough of them the body is full.
         lower, upper: only particles and surface between these corners count, m; None: all.
+        mean_edges: particles as near to several faces have their edge and mean normal, else one of the faces.
     """
     rows = layers_of(surface, spacing, layers)
     low = np.full(surface.dimension, -np.inf) if lower is None else np.asarray(lower, dtype=np.float64)
@@ -150,7 +152,7 @@ def sample(
         thin = beside_sheets(tails, surface.closest(rows.position)[0], spacing)
         rows = Rows(rows.position[~thin], rows.volume[~thin], rows.layer[~thin])
     frames = Frames.joined([frames_of(tail, spacing, layers * spacing) for tail in tails], surface.dimension)
-    found = [_of_layers(surface, rows)]
+    found = [_of_layers(surface, rows, mean_edges)]
     real = [rows.layer == 0]
     for tail in tails:
         for sheet in tail.sheets:
@@ -180,9 +182,9 @@ def layers_of(surface: Surface, spacing: float, layers: int) -> Rows:
     return relaxed_shells(surface, spacing, layers)
 
 
-def _of_layers(surface: Surface, rows: Rows) -> Sampling:
+def _of_layers(surface: Surface, rows: Rows, mean_edges: bool) -> Sampling:
     """The particles of layers, without areas and leaders."""
-    foot, normal = _nearest(surface, rows.position)
+    foot, normal = _nearest(surface, rows.position) if mean_edges else surface.closest(rows.position)
     n, d = rows.position.shape
     return Sampling(
         position=rows.position,

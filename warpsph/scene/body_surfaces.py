@@ -155,13 +155,13 @@ def make_solids(
         if thin is not None:
             problems.append(thin)
             continue
-        sampling = sample(surface, spacing, layers, low.tolist(), high.tolist())
+        sampling = sample(surface, spacing, layers, low.tolist(), high.tolist(), case.scheme.mean_edges)
         stout = not sampling.sheet.any()
         if case.scheme.mirrors_sides and (case.has_flow_through or not stout):
             # a tail that stands on a mirror would need lines of sight to its images; beside inlets bodies are cells
             stout = False
             surface = surface_of(case, body, low, high)
-            sampling = sample(surface, spacing, layers, low.tolist(), high.tolist())
+            sampling = sample(surface, spacing, layers, low.tolist(), high.tolist(), case.scheme.mean_edges)
         inside = np.zeros(sampling.count, dtype=np.bool_)
         for other in solids:
             inside |= other.surface.signed_distance(sampling.position) < 0.0

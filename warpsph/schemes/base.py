@@ -58,6 +58,8 @@ class Scheme:
         kept: names of arrays beside the fields that a restart goes on from, where a run has them.
         follows_origins: its program has the stages of `map_stages`, which Lyapunov exponents need.
         open_sides: sides of the domain may be inlets and outlets.
+        mean_edges: boundary particles in corners of bodies have the mean normal of their faces. Contact with the plane of
+            the nearest foot, one for each axis, needs those of faces.
         usual_causes: of a run that diverges, the end of its message; each with the key that it hangs on, if it has one.
         budgets: a gauge of type budget can follow where momentum and energy come from and go.
         free_pressure: all of them may give a velocity, so that the pressure is known but for a constant.
@@ -82,6 +84,7 @@ class Scheme:
     open_sides: bool = False
     free_pressure: bool = False
     budgets: bool = False
+    mean_edges: bool = False
     usual_causes: str = (
         "a sound speed that is too low, a start far from equilibrium, or too large a Courant number (numerics.courant)"
     )

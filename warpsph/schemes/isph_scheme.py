@@ -39,6 +39,7 @@ class IsphScheme(FlowThrough):
     shifts = True
     follows_origins = True
     free_pressure = True
+    mean_edges = True
     usual_causes = (
         "a body that moves through a wall or leaves the fluid no room, a start far from equilibrium, too large a Courant "
         "number (numerics.courant), or pressure solves that end above their tolerance (numerics.maximum_iterations)"
