@@ -3,6 +3,9 @@
     conservative ("plus"):  a_i = -(2/rho_i) sum_j p*_ij grad_i W V_j
     corrected ("minus"):    a_i = -(2/rho_i) B_i sum_j (p*_ij - p_i) grad_i W V_j,  B_i = [sum_j |W'| r e(x)e V_j]^-1
 
+Between two fluids 2 (p*_ij - p_i) is that of an interface in the middle of the pair; the corrected form has it where it is,
+rho_i/rho_ij (p_j + J - p_i), with the mean density of the way from i to j (riemann#way).
+
 The corrected form balances a uniform pressure, a linear one and a Laplace jump exactly for any arrangement; it gives
 up pairwise conservation of momentum and needs the shift to keep particles apart.
 
