@@ -53,6 +53,15 @@ def test_its_validation_runs_are_valid(name):
         assert run.level == "ci" or shown is None or shown.times is None or shown.times[-1] <= run.case.end_time
 
 
+def test_the_fluids_of_each_capillary_wave_are_those_of_its_closed_form():
+    """Prosperetti's solution is one of equal kinematic viscosities, Laplace number 3000 of the denser fluid."""
+    for run in validation.runs_of(load("capillary_wave"), "capillary_wave"):
+        lower, upper = (run.case.phases[name] for name in ("lower", "upper"))
+        tension = run.case.surface_tension[0].coefficient
+        assert lower.viscosity / lower.density == pytest.approx(upper.viscosity / upper.density, rel=1e-6), run.name
+        assert tension * lower.density / lower.viscosity**2 == pytest.approx(3000.0, rel=1e-6), run.name
+
+
 @pytest.mark.parametrize("name", NAMES)
 def test_the_case_starts(name, tmp_path):
     case = load(name)
