@@ -201,7 +201,7 @@ class Simulation:
             self.folder.write_case(dump_case(self.case, names=names))
 
     def _make_gauges(self, resume: bool) -> GaugeSet:
-        eos = eos_of_run(self.case, self.physics.sound_speed)
+        eos = eos_of_run(self.case, self.physics.sound_speed, self.model.nominal_pressure)
         folder = None if self.folder is None else self.folder.gauges
         started = None if self._restart is None else self.started_at
         return GaugeSet(self.case, folder, eos=eos, restart_time=started if resume else None, start_time=started)

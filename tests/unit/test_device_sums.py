@@ -44,7 +44,7 @@ def run(request, device):
 @pytest.mark.parametrize("kind", KINDS)
 def test_sums_are_those_of_the_snapshot(run, kind):
     model = run.model
-    scene = Scene(model.case, eos_of_run(model.case, model.physics.sound_speed))
+    scene = Scene(model.case, eos_of_run(model.case, model.physics.sound_speed, model.nominal_pressure))
     (found,) = model.sums.form([kind]).values()
     expected = sums_of(model.snapshot(), kind, scene)
     for name, values in vars(expected).items():
@@ -108,7 +108,7 @@ def test_nearby_rows_hold_all_within_reach(run, reach):
 def test_samples_of_the_fluid_around_are_those_of_all(device):
     """A record copies the particles near the points alone, in any order of their rows."""
     run = run_of(PERIODIC, device, end_time=0.05)
-    gauges = GaugeSet(run.case, eos=eos_of_run(run.case, run.physics.sound_speed))
+    gauges = GaugeSet(run.case, eos=eos_of_run(run.case, run.physics.sound_speed, run.model.nominal_pressure))
     recorder = Recorder(run.model, gauges)
     record = recorder.take(["probe"])
     assert 0 < record.around.fluid_count < run.model.particles.fluid_count and not record.state.arrays
@@ -138,7 +138,7 @@ def test_needs_of_a_gauge_are_all_that_it_looks_at(name):
     types = {"pressure": "phase_pressure", "rise": "phase_velocity"}
     run = run_of(FULL, end_time=0.02, gauges={name: {"type": types.get(name, name), "interval": 0.01}})
     rows = run.gauge(name)
-    again = GaugeSet(run.case, eos=eos_of_run(run.case, run.physics.sound_speed))
+    again = GaugeSet(run.case, eos=eos_of_run(run.case, run.physics.sound_speed, run.model.nominal_pressure))
     again.record(run.state)
     for column, values in again.series(name).items():
         assert rows[column][-1] == pytest.approx(values[-1], rel=1e-9, abs=1e-12, nan_ok=True), column

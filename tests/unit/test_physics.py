@@ -2,6 +2,7 @@
 
 import math
 
+import numpy as np
 import pytest
 
 from tests.scenes import PERIODIC, case_of
@@ -207,3 +208,28 @@ def test_sound_speed_bears_what_a_body_force_builds_up():
     assert physics_of(Case.from_dict({**scene, "bodies": cylinder})).sound_speed[0] == pytest.approx(needed, rel=1e-6)
     assert physics_of(Case.from_dict({**scene, "domain": walls})).sound_speed[0] == pytest.approx(needed, rel=1e-6)
     assert physics_of(Case.from_dict(scene)).sound_speed[0] < 0.1 * needed
+
+
+@pytest.mark.parametrize("gas_gamma", [1.0, 1.4])
+def test_fluids_that_fill_a_domain_have_the_mass_of_their_density_times_their_room(gas_gamma):
+    """A bubble below 1.5 m of water is no denser than the case says, and the pressure is that of the start all the same."""
+    case = Case.from_dict({
+        "dimension": 2, "particle_spacing": 1 / 16, "end_time": 1.0, "gravity": [0, -0.98],
+        "output": {"particles": "none", "checkpoint": "none"},
+        "domain": {"lower": [0, 0], "upper": [1, 2], "boundary": {"x": "free_slip", "y": "wall"}},
+        "phases": {"water": {"density": 1000, "viscosity": 10},
+                   "gas": {"density": 100, "viscosity": 1, "gamma": gas_gamma, "background_pressure": 10.0}},
+        "fluids": [{"phase": "gas", "shape": {"sphere": {"center": [0.5, 0.5], "radius": 0.25}}},
+                   {"phase": "water", "shape": "rest"}],
+        "start": {"pressure": "980*(2 - y)"}, "scales": {"velocity": 0.25},
+    })  # fmt: skip
+    model = Model(case, threads=1)
+    model.stepper.prepare(True)
+    fluid = model.snapshot().fluid
+    for number, density in enumerate((1000.0, 100.0)):
+        own = np.asarray(fluid.phase) == number
+        room = model.geometry.volume[: len(own)][model.geometry.phase[: len(own)] == number].sum()
+        assert np.asarray(fluid.mass, float)[own].sum() == pytest.approx(density * room, rel=2e-4)
+    background = np.where(np.asarray(fluid.phase) == 1, 10.0, 0.0)
+    expected = 980 * (2 - np.asarray(fluid.position, float)[:, 1]) + background
+    assert np.abs(np.asarray(fluid.pressure, float) - expected).max() < 2.0

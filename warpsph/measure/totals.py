@@ -52,11 +52,12 @@ def eos_of_case(case: Any) -> dict[str, PhaseEos] | None:
     return result
 
 
-def eos_of_run(case: Any, sound_speed: Sequence[float]) -> dict[str, PhaseEos]:
-    """Equations of state with the sound speed that a run has chosen for each phase, m/s."""
+def eos_of_run(case: Any, sound_speed: Sequence[float], nominal_pressure: Sequence[float]) -> dict[str, PhaseEos]:
+    """Equations of state with the sound speed [m/s] and the nominal pressure [Pa] that a run has for each phase."""
+    numbers = zip(case.phases.items(), sound_speed, nominal_pressure, strict=True)
     return {
-        name: PhaseEos(phase.density, c, phase.gamma, phase.background_pressure)
-        for (name, phase), c in zip(case.phases.items(), sound_speed, strict=True)
+        name: PhaseEos(phase.density, c, phase.gamma, phase.background_pressure + float(nominal))
+        for (name, phase), c, nominal in numbers
     }
 
 

@@ -41,6 +41,7 @@ from warpsph.scene.geometry import Geometry, build
 from warpsph.scene.open_faces import buffer_layers
 from warpsph.scene.packing import Packer
 from warpsph.scene.physics import Physics, contact_matrix, derive, support_radius
+from warpsph.scene.start_values import nominal_pressure
 from warpsph.snapshot import Snapshot, Stations
 from warpsph.start import start_warp
 
@@ -79,6 +80,7 @@ class Model:
 
     Attributes:
         physics: numbers derived from the case.
+        nominal_pressure: (phases,), Pa, at which each phase has the density of the case.
         particles: fields on the device.
         stepper: runs steps.
     """
@@ -112,6 +114,7 @@ class Model:
             arrange = Packer(self.launcher) if fitted else None
             del self.geometry  # of millions of particles there is no room for two
             self.geometry = build(case, self.physics.support, unlock, arrange)
+        self.nominal_pressure = nominal_pressure(case, self.geometry, self.physics)
         counts = self.geometry.fluid_count, self.geometry.wall_count
         room = self.scheme.room(case, self.geometry, self.physics)
         self._loads: WallLoads | None = None
@@ -248,14 +251,14 @@ class Model:
         # sound in a fluid whose pressure relaxes: what limits a step and what pairs exchange
         frozen = math.sqrt(1.0 + float(physics.choices.get("acoustic_relaxation", 0.0)))
         rows = []
-        for name, c in zip(case.phase_names, physics.sound_speed, strict=True):
+        for name, c, nominal in zip(case.phase_names, physics.sound_speed, self.nominal_pressure, strict=True):
             given = case.phases[name]
             row = Phase()
             row.density = given.density
             row.sound_speed = c * frozen
             row.gamma = given.gamma
             row.stiffness = given.density * c**2 / given.gamma
-            row.background = given.background_pressure
+            row.background = given.background_pressure + nominal
             row.viscosity = given.viscosity
             row.impedance = given.density * row.sound_speed
             row.compressibility = 1.0 / (given.density * c**2)
@@ -421,7 +424,7 @@ class Model:
                 f"gauges: those that add up particles do not follow the births and deaths of scheme {self.scheme.name}; "
                 "take a gauge that reads the particles themselves"
             )
-        scene = Scene(self.case, eos_of_run(self.case, self.physics.sound_speed))
+        scene = Scene(self.case, eos_of_run(self.case, self.physics.sound_speed, self.nominal_pressure))
         staggered = self.scheme.staggered(self.physics.spec)
         self._sums = DeviceSums(self.particles, self.launcher, self.stepper.clock, scene, self.case.spacing, staggered)
         self._grown = self.particles.grown
