@@ -52,7 +52,7 @@ def eos_of_case(case: Any) -> dict[str, PhaseEos] | None:
     return result
 
 
-def eos_of_run(case: Any, sound_speed: Sequence[float], nominal_pressure: Sequence[float]) -> dict[str, PhaseEos]:
+def eos_of_run(case: Any, sound_speed: Sequence[float], nominal_pressure: np.ndarray) -> dict[str, PhaseEos]:
     """Equations of state with the sound speed [m/s] and the nominal pressure [Pa] that a run has for each phase."""
     numbers = zip(case.phases.items(), sound_speed, nominal_pressure, strict=True)
     return {
