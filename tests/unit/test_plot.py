@@ -1,5 +1,6 @@
 """Pictures from a run folder that is made by hand: what is drawn, of which frames, how large, which units."""
 
+import errno
 from dataclasses import replace
 
 import numpy as np
@@ -7,7 +8,7 @@ import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_rgba
 
-from warpsph.errors import CaseError
+from warpsph.errors import CaseError, OutputError
 from warpsph.files.output import RunFolder
 from warpsph.snapshot import FLUID, WALL, Snapshot
 from warpsph.study import plot
@@ -272,6 +273,30 @@ def test_output_names_both_pictures(tmp_path):
     paths = plot.plot_run(run, output=tmp_path / "new" / "look.png")
     assert paths == [tmp_path / "new" / "look.png", tmp_path / "new" / "look_gauges.png"]
     assert all(path.read_bytes().startswith(PNG) for path in paths)
+
+
+def test_a_picture_without_an_ending_is_a_png(tmp_path):
+    """The path that is returned is that of the file."""
+    run = make_run(tmp_path / "run")
+    paths = plot.plot_run(run, times=[0.5], output=tmp_path / "picture")
+    assert paths[0] == tmp_path / "picture.png" and paths[0].read_bytes().startswith(PNG)
+
+
+def test_a_picture_that_fails_halfway_leaves_nothing(tmp_path, monkeypatch):
+    """The disk is full: what was there is as it was."""
+    run = make_run(tmp_path / "run")
+    target = tmp_path / "picture.png"
+    target.write_bytes(b"old")
+
+    def fill(_figure, path, **_options):
+        with open(path, "wb") as file:
+            file.write(PNG)
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr("matplotlib.figure.Figure.savefig", fill)
+    with pytest.raises(OutputError, match="the disk is full"):
+        plot.plot_run(run, times=[0.5], output=target)
+    assert target.read_bytes() == b"old" and not list(tmp_path.glob(".*"))
 
 
 def test_a_run_without_gauges_gives_one_picture(tmp_path):

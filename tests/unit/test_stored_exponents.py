@@ -87,3 +87,10 @@ def test_what_came_in_since_is_left_out(run, tmp_path):
 def test_times_that_are_no_two_frames_are_refused(run, tmp_path, start, end):
     with pytest.raises(CaseError, match="the run has .*frames from 0 to 0.25 s"):
         write_exponents(run, start, end, output=tmp_path)
+
+
+def test_a_folder_that_cannot_be_made(run, tmp_path):
+    """A file is in its place: a message and nothing else, as of all commands."""
+    (tmp_path / "taken").write_text("")
+    done = CliRunner().invoke(app, ["ftle", str(run), "--output", str(tmp_path / "taken")])
+    assert done.exit_code == 4 and "cannot be written" in done.stderr and "unexpected" not in done.stderr

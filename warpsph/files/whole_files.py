@@ -22,6 +22,14 @@ def write_failure(path: Path, error: OSError, needed: int = 0) -> OutputError:
     return OutputError(f"{path}: cannot be written: {error.strerror or error}")
 
 
+def make_folder(path: Path) -> None:
+    """Create the folder `path` and those above it, unless it is there; raises OutputError."""
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise write_failure(path, error) from error
+
+
 @contextmanager
 def whole_file(path: Path, *, durable: bool = False, needed: int = 0) -> Iterator[Path]:
     """Give a temporary path beside `path`, and rename it to `path` if the block ends without an error.

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from warpsph.errors import CaseError, OutputError, Problem
-from warpsph.files.whole_files import whole_file, write_failure
+from warpsph.files.whole_files import make_folder, whole_file
 from warpsph.study.plot import (
     WALL_COLOUR,
     ColourScale,
@@ -103,10 +103,7 @@ def make_movie(
     scale = scale_of(field, np.concatenate(samples))
     painter = _Painter(view, scale, names, _clock([time for time, _ in frames]), over)
     encoder = _Gif if path.suffix.lower() == ".gif" else _Mp4
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise write_failure(path, error) from error
+    make_folder(path.parent)
     with whole_file(path) as temporary, encoder(temporary, path, painter.size, fps, scale) as movie:
         for number, frame in enumerate(read(), 1):
             movie.add(painter.paint(view.cut(frame).only(shown)))

@@ -13,6 +13,7 @@ from warpsph.case.columns import FIELD_UNITS, VECTOR_FIELDS
 from warpsph.errors import CaseError, OutputError, Problem
 from warpsph.files.output import Series
 from warpsph.files.vtp import read_vtp
+from warpsph.files.whole_files import make_folder, whole_file
 from warpsph.measure.gauge_files import read_gauge
 from warpsph.snapshot import Snapshot
 from warpsph.study.curl import vorticity
@@ -636,11 +637,12 @@ def _sample_panels(
 
 
 def _save(figure: "Figure", path: Path) -> Path:
+    """Write a whole picture, in the format that its name ends with; PNG without one. Return where it is."""
+    path = path if path.suffix else path.with_suffix(".png")
+    make_folder(path.parent)
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        figure.savefig(path, dpi=150)
-    except OSError as error:
-        raise OutputError(f"{path}: cannot be written: {error.strerror}") from error
+        with whole_file(path) as temporary:
+            figure.savefig(temporary, dpi=150, format=path.suffix[1:].lower())
     except ValueError as error:  # matplotlib knows no such format
         raise OutputError(f"{path}: cannot be written: {error}") from error
     return path

@@ -20,6 +20,7 @@ from warpsph.case.case_file import load_case
 from warpsph.errors import CaseError, Problem
 from warpsph.files.output import Series
 from warpsph.files.vtp import read_vtp, write_vtp
+from warpsph.files.whole_files import make_folder
 from warpsph.snapshot import Snapshot
 from warpsph.study.plot import Frame, choose_frames, phase_names, read_frame, read_series, save_frames
 
@@ -63,7 +64,7 @@ def write_exponents(
         found = dataclasses.replace(here, ftle_age=np.full(len(rate), age), ftle_way=way)
         setattr(found, field, rate)
         path = target / f"{direction}.vtp"
-        path.parent.mkdir(parents=True, exist_ok=True)
+        make_folder(target)
         write_vtp(path, found, ("velocity", "phase", field, "ftle_age", "ftle_way"), "float64")
         written.append(path)
         if pictures:

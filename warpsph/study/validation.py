@@ -38,7 +38,7 @@ from warpsph.case.validation_runs import VALIDATION_LEVELS, ValidationRun
 from warpsph.case.values import suggestion
 from warpsph.errors import CaseError, DivergenceError, Interrupted, OutputError, Problem, WarpsphError
 from warpsph.files.output import json_text
-from warpsph.files.whole_files import write_failure, write_text
+from warpsph.files.whole_files import make_folder, write_text
 from warpsph.study import figures
 from warpsph.study.comparison import definition_of
 from warpsph.study.provenance import provenance
@@ -408,7 +408,7 @@ def validate(
     if draw and not figures.can_draw():
         draw = False
         table.notes.append(f"matplotlib is not installed: no figures; draw them later with --figures-from {folder}")
-    _make(folder)
+    make_folder(folder)
     left = [run for run in runs if (run.case_name, run.run.name) not in done]
     places = {run.name: _free(folder / "runs" / run.name) for run in left}
     if processes > 1:
@@ -510,13 +510,6 @@ def _about(runs: Sequence[Planned], device: str, threads: int | None, command: s
         "threads": threads,
         "versions": {},
     }
-
-
-def _make(folder: Path) -> None:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise write_failure(folder, error) from error
 
 
 def _free(folder: Path) -> Path:
