@@ -5,10 +5,12 @@ import re
 import subprocess
 import sys
 import time
+import tracemalloc
 from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
+import pyvista
 from typer.testing import CliRunner
 
 from tests.isph_scenes import TANK
@@ -19,8 +21,12 @@ from warpsph.engine import free_memory
 from warpsph.errors import CapacityError
 from warpsph.running import memory, model, preview
 from warpsph.running.model import Model
+from warpsph.scene.body_sampling import sample, working_memory
 from warpsph.scene.geometry import build
+from warpsph.scene.meshes import Mesh
 from warpsph.scene.physics import support_radius
+from warpsph.scene.surfaces import Brick
+from warpsph.scene.thinness import thin_places
 
 ROOT = Path(__file__).resolve().parents[2]
 WITHIN = 0.3  # of what is taken
@@ -80,8 +86,12 @@ PEAK = """
 import json, sys
 from warpsph.running import memory
 from warpsph.case.case import Case
+from warpsph.scene.body_sampling import sample, working_memory
 from warpsph.scene.geometry import build
+from warpsph.scene.meshes import Mesh
 from warpsph.scene.physics import support_radius
+from warpsph.scene.surfaces import Brick
+from warpsph.scene.thinness import thin_places
 
 def status(name):
     return next(1024 * int(row.split()[1]) for row in open("/proc/self/status") if row.startswith(name))
@@ -189,6 +199,37 @@ def test_more_particles_than_can_be_numbered(monkeypatch):
     error = memory.shortage(case_of(HUGE))
     assert "more than the 536870911 that a run can number" in str(error)
     assert "would fit" in str(error)
+
+
+@pytest.mark.parametrize("command", ["check", "run"])
+def test_a_mesh_in_millimetres_is_told_before_it_is_sampled(tmp_path, command):
+    """A block of 100 m in a domain of 1 m, which took all of the memory and was killed. With a scale it is as any other."""
+    pyvista.Cube(x_length=100.0, y_length=100.0, z_length=100.0).triangulate().save(tmp_path / "block.stl")
+    bodies = {"block": {"shape": {"stl": {"file": str(tmp_path / "block.stl"), "translate": [0.5, 0.5, 0.5]}}}}
+    case = case_of(BOX, bodies=bodies, particle_spacing=1 / 50, start__noise=0.0)
+    save_case(case, tmp_path / "case.yaml")
+    output = ["--output", str(tmp_path / "run")] if command == "run" else []
+    done = CliRunner().invoke(cli.app, [command, str(tmp_path / "case.yaml"), *output])
+    assert done.exit_code == 5, done.output
+    assert "bodies.block.shape.stl" in done.stderr and "100 x 100 x 100 m in a domain of 1 x 1 x 1 m" in done.stderr
+    assert "scale: 0.001" in done.stderr and not (tmp_path / "run").exists()
+    small = case.replace({"bodies.block.shape.stl.scale": 0.005})
+    assert memory.shortage(small) is None
+
+
+def test_what_a_body_takes_to_sample(tmp_path):
+    """Peaks of the memory that NumPy takes, of a mesh and of a box; a box that is far too long is refused, too."""
+    block = pyvista.Cube(x_length=0.6, y_length=0.5, z_length=0.4).triangulate()
+    for surface in (Mesh(block), Brick([0.0, 0.0, 0.0], [0.6, 0.5, 0.4])):
+        tracemalloc.start()
+        thin_places(surface, 0.02, 3)
+        sample(surface, 0.02, 3, [0.2] * 3, [0.3] * 3)
+        peak = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        assert 0.3 < working_memory(surface, 0.02, 3) / peak < 3.0
+    long = {"floor": {"shape": {"box": {"lower": [-1000, -1000, -10], "upper": [1000, 1000, 0.2]}}}}
+    refused = memory.shortage(case_of(BOX, bodies=long, particle_spacing=1 / 50))
+    assert "bodies.floor.shape.box" in str(refused) and "cut off what is far outside" in str(refused)
 
 
 def test_what_a_control_group_leaves(tmp_path):

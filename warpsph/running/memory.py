@@ -7,6 +7,7 @@ the shapes of the case fill, looked at in some ten thousand of them. It costs mi
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -17,12 +18,13 @@ from warpsph.engine import free_memory
 from warpsph.engine.neighbours import MOST_PARTICLES, default_width, grid_layout
 from warpsph.errors import CapacityError, CaseError, ExpressionError, Problem
 from warpsph.kernels.core import permute
+from warpsph.scene.body_sampling import working_memory
 from warpsph.scene.body_surfaces import surface_of
 from warpsph.scene.lattice import Lattice, make_lattice
 from warpsph.scene.masks import inside
 from warpsph.scene.open_faces import buffer_layers, open_axis, open_sides
 from warpsph.scene.physics import support_radius
-from warpsph.scene.surfaces import ShapeError
+from warpsph.scene.surfaces import ShapeError, Surface
 
 if TYPE_CHECKING:
     from warpsph.case.case import Case
@@ -49,6 +51,7 @@ class Count:
     fluid, walls: particles
     filled: whether the fluid leaves no room in the domain
     lattice: the cells
+    sampling: bytes of host memory that making the boundary particles of each body takes
     """
 
     cells: int
@@ -56,6 +59,7 @@ class Count:
     walls: int
     filled: bool
     lattice: Lattice
+    sampling: dict[str, float]
 
     @property
     def particles(self) -> int:
@@ -76,26 +80,28 @@ def count(case: Case, support: float) -> Count:
     lattice = make_lattice(case, support)
     domain = math.prod(lattice.count)
     fluid, solid = _shares(case, lattice)
-    walls = min(round(solid * domain), _boundary_particles(case, lattice, support))
+    layers = math.ceil(support / case.spacing - 1e-9)
+    surfaces = _surfaces(case, lattice)
+    area = sum(surface.extent for surface in surfaces.values())
+    walls = min(round(solid * domain), math.ceil(layers * area / case.spacing ** (case.dimension - 1)))
+    sampling = {name: working_memory(surface, case.spacing, layers) for name, surface in surfaces.items()}
     if not case.scheme.mirrors_sides:
         free = 1
         for n, sides, (before, after) in zip(lattice.count, case.sides, lattice.layers, strict=True):
             free *= n + before * (sides.lower.kind != "wall") + after * (sides.upper.kind != "wall")
         walls += math.prod(lattice.shape) - free
     filled = fluid + solid == 1.0 and not case.has_open_sides
-    return Count(math.prod(lattice.shape), round(fluid * domain), walls, filled, lattice)
+    return Count(math.prod(lattice.shape), round(fluid * domain), walls, filled, lattice, sampling)
 
 
-def _boundary_particles(case: Case, lattice: Lattice, support: float) -> int:
-    """Return about how many boundary particles the bodies have: layers as deep as the support along their surfaces."""
-    layers = math.ceil(support / case.spacing - 1e-9)
+def _surfaces(case: Case, lattice: Lattice) -> dict[str, Surface]:
+    """Return the surfaces of the bodies that have one."""
     low, high = np.array(lattice.lower), np.array(lattice.upper)
-    total = 0.0
-    for body in case.bodies.values():
+    found = {}
+    for name, body in case.bodies.items():
         with suppress(ExpressionError, ShapeError):  # told with its place when the geometry is built
-            _, _, area = surface_of(case, body, low, high).patches(case.spacing)
-            total += layers * float(area.sum()) / case.spacing ** (lattice.dimension - 1)
-    return math.ceil(total)
+            found[name] = surface_of(case, body, low, high)
+    return found
 
 
 def _shares(case: Case, lattice: Lattice) -> tuple[float, float]:
@@ -270,6 +276,9 @@ def shortage(case: Case, device: Any | None = None, found: Count | None = None) 
         CaseError: as `count`.
     """
     found = count(case, support_radius(case)) if found is None else found
+    large = _too_large_body(case, found)
+    if large is not None:
+        return large
     tight = [need for need in _needs(case, found, device) if need.bytes > need.free]
     key = "particle_spacing"
     if tight:
@@ -283,6 +292,32 @@ def shortage(case: Case, device: Any | None = None, found: Count | None = None) 
     else:
         return None
     return CapacityError(str(Problem(key, case.spacing, rule, _remedy(case, found, device))), key=key)
+
+
+def _too_large_body(case: Case, found: Count) -> CapacityError | None:
+    """Return the error of a body whose surface takes more memory to sample than there is: mostly one in other units."""
+    free = free_memory.host_free()
+    if free is None or not found.sampling:
+        return None
+    name, taken = max(found.sampling.items(), key=lambda item: item[1])
+    if taken <= free:
+        return None
+    body, lattice = case.bodies[name], found.lattice
+    surface = surface_of(case, body, np.array(lattice.lower), np.array(lattice.upper))
+    sizes = (_box(surface.bounds[0], surface.bounds[1]), _box(lattice.lower, lattice.upper))
+    rule = (
+        f"is {sizes[0]} m in a domain of {sizes[1]} m: its boundary particles take {_size(taken)} to make, but "
+        f"{_size(free)} of the memory of this machine are free"
+    )
+    units = "check its unit (scale: 0.001 for millimetres), " if body.shape.stl is not None else ""
+    remedy = f"{units}cut off what is far outside the domain, or write a larger particle_spacing"
+    path = f"bodies.{name}.shape.{body.shape.kind}"
+    return CapacityError(str(Problem(path, body.shape.kind, rule, remedy)), key=path)
+
+
+def _box(lower: Sequence[float] | np.ndarray, upper: Sequence[float] | np.ndarray) -> str:
+    """Return the sides of a box as text: '2 x 1'."""
+    return " x ".join(f"{high - low:.3g}" for low, high in zip(lower, upper, strict=True))
 
 
 def _size(number: float) -> str:
