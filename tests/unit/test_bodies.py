@@ -136,7 +136,7 @@ def test_two_bodies_that_overlap_share_no_place():
     ("shape", "path", "words"),
     [
         ({"airfoil": {"chord": 1, "position": [0, 0]}}, "bodies.thing.shape.airfoil", "exactly one of naca and file"),
-        ({"airfoil": {"naca": "12", "chord": 1, "position": [0, 0]}}, "bodies.thing.shape.airfoil.naca", ""),
+        ({"airfoil": {"naca": "23012", "chord": 1, "position": [0, 0]}}, "bodies.thing.shape.airfoil.naca", "four digits"),
         ({"airfoil": {"naca": 12, "chord": 1, "position": [0, 0]}}, "bodies.thing.shape.airfoil.naca", ""),
         ({"airfoil": {"naca": "0000", "chord": 1, "position": [0, 0]}}, "bodies.thing.shape.airfoil", "no thickness"),
         ({"airfoil": {"naca": "0012", "chord": 1, "position": [0, 0, 0]}}, "bodies.thing.shape.airfoil.position", ""),

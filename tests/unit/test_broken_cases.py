@@ -350,6 +350,16 @@ def test_hand_made(folder: Path, old: str, new: str, expected: str):
     assert any(problem.path == expected for problem in error.problems) or expected in str(error), str(error)
 
 
+def test_a_list_of_wrong_entries_is_not_called_empty(folder: Path):
+    """One problem for each entry; a list without entries is one of its own."""
+    for times, told in (("[-1, -2]", ["times.0", "times.1"]), ("[]", ["times"])):
+        text = VALID.replace("energy: {type: energy, interval: 0.1}", f"energy: {{type: energy, times: {times}}}")
+        (folder / "case.yaml").write_text(text)
+        with pytest.raises(CaseError) as caught:
+            load_case(folder / "case.yaml")
+        assert [problem.path for problem in caught.value.problems] == [f"gauges.energy.{place}" for place in told]
+
+
 def test_whole_files(folder: Path):
     for content in WHOLE_FILES:
         assert refused(folder, content) is not None, content[:40]

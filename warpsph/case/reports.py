@@ -117,6 +117,8 @@ def report(error: ValidationError, root: type[CaseModel], raw: Any) -> list[Prob
             rule = "needs a mapping" + (
                 f" with keys among {', '.join(keys_of(model))}" if model is not None else ""
             )
+        elif kind == "too_short" and value:
+            continue  # none of its entries is right, which each of them is told
         elif kind == "too_short":
             rule = f"needs at least {context.get('min_length', 1)} entry"
         elif kind == "string_type":

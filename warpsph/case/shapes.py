@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import difflib
+import re
 from collections.abc import Mapping
 from typing import Annotated, Any, ClassVar, Self
 
 from pydantic import (
+    AfterValidator,
     BeforeValidator,
     Field,
     GetJsonSchemaHandler,
     ModelWrapValidatorHandler,
     StrictStr,
-    StringConstraints,
     model_serializer,
     model_validator,
 )
@@ -64,11 +65,22 @@ class Where(CaseModel):
     )
 
 
+def _four_digits(naca: str) -> str:
+    """What names a NACA section of the series that is known."""
+    if not re.fullmatch("[0-9]{4}", naca):
+        rule = "is no NACA section of four digits, the only series that is known"
+        raise bad_value(rule, 'write e.g. naca: "0012", or file: for the coordinates of another one')
+    return naca
+
+
 class Airfoil(CaseModel):
     """An airfoil (2-D): a NACA 4-digit section, or one from a file of coordinates."""
 
-    naca: Annotated[str, StringConstraints(strict=True, pattern=r"^[0-9]{4}$")] | None = Field(
-        default=None, description="four digits, in quotes: camber, its place, thickness", examples=['"0012"']
+    naca: Annotated[StrictStr, AfterValidator(_four_digits)] | None = Field(
+        default=None,
+        description="four digits, in quotes: camber, its place, thickness",
+        examples=['"0012"'],
+        json_schema_extra={"pattern": "^[0-9]{4}$"},
     )
     file: StrictStr | None = Field(
         default=None,
