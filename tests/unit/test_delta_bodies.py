@@ -112,10 +112,12 @@ def test_a_body_with_corners_that_turns_with_its_fluid_has_no_friction(pivot):
     assert abs(found["wall_torque_z b"]) < 0.02 * 2.0 * 2.0 * area
 
 
-def test_a_disc_that_starts_in_a_full_tank_moves_as_much_fluid_as_it_takes_room():
+@pytest.mark.parametrize("scheme", ["delta_plus", "riemann"])
+def test_a_disc_that_starts_in_a_full_tank_moves_as_much_fluid_as_it_takes_room(scheme):
     """The centroid of fluid and disc stays where it is, if the layer on the disc is half a spacing thick or not.
 
-    What runs along a wall turned round behind it was a source before the disc and a sink behind it: 42 % too much.
+    What runs along a wall turned round behind it was a source before the disc and a sink behind it: 42 % too much in
+    delta-plus-SPH, 20 % in the Riemann scheme.
     """
     radius, end = 0.16, 0.2
     case = Case.from_dict({
@@ -124,7 +126,7 @@ def test_a_disc_that_starts_in_a_full_tank_moves_as_much_fluid_as_it_takes_room(
         "phases": {"w": {"density": 1000, "viscosity": 1.0, "sound_speed": 15}},
         "bodies": {"b": {"shape": {"sphere": {"center": [0.5, 0.4], "radius": radius}},
                          "motion": {"translation": ["0.1*(1 - cos(4*t))", 0]}}},
-        "numerics": {"scheme": "delta_plus"},
+        "numerics": {"scheme": scheme},
     })  # fmt: skip
     model = Model(case, threads=1)
     model.stepper.prepare(True)

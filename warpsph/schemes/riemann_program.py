@@ -69,7 +69,7 @@ def step(spec: Spec) -> list[Node]:
         *windows(spec),
         Stage("kick_drift", make_kick_drift(spec), "fluid", "moves the particles"),
         *sides(spec),
-        *walls_ahead(spec),
+        *walls_ahead(spec, sliding=True),
         Stage("continuity", make_continuity(spec), "fluid", "density and pressure from star velocities"),
         *relaxation(spec),
         *bodies(spec, NEXT, closing=1),
