@@ -211,7 +211,7 @@ def test_sound_speed_bears_what_a_body_force_builds_up():
 
 
 @pytest.mark.parametrize("gas_gamma", [1.0, 1.4])
-def test_fluids_that_fill_a_domain_have_the_mass_of_their_density_times_their_room(gas_gamma):
+def test_fluids_that_fill_a_domain_have_their_density_where_they_meet(gas_gamma):
     """A bubble below 1.5 m of water is no denser than the case says, and the pressure is that of the start all the same."""
     case = Case.from_dict({
         "dimension": 2, "particle_spacing": 1 / 16, "end_time": 1.0, "gravity": [0, -0.98],
@@ -226,10 +226,38 @@ def test_fluids_that_fill_a_domain_have_the_mass_of_their_density_times_their_ro
     model = Model(case, threads=1)
     model.stepper.prepare(True)
     fluid = model.snapshot().fluid
-    for number, density in enumerate((1000.0, 100.0)):
-        own = np.asarray(fluid.phase) == number
-        room = model.geometry.volume[: len(own)][model.geometry.phase[: len(own)] == number].sum()
-        assert np.asarray(fluid.mass, float)[own].sum() == pytest.approx(density * room, rel=2e-4)
+    position, density = np.asarray(fluid.position, float), np.asarray(fluid.density, float)
+    meeting = abs(np.hypot(position[:, 0] - 0.5, position[:, 1] - 0.5) - 0.25) < 2 / 16
+    for number, given in enumerate((1000.0, 100.0)):
+        assert density[meeting & (np.asarray(fluid.phase) == number)].mean() == pytest.approx(given, rel=5e-4)
     background = np.where(np.asarray(fluid.phase) == 1, 10.0, 0.0)
-    expected = 980 * (2 - np.asarray(fluid.position, float)[:, 1]) + background
+    expected = 980 * (2 - position[:, 1]) + background
     assert np.abs(np.asarray(fluid.pressure, float) - expected).max() < 2.0
+
+
+@pytest.mark.parametrize("height", [0.5, 0.53, 0.5625, 0.625, 0.6875])
+def test_the_pressure_at_which_two_layers_have_their_density_is_that_of_their_interface(height):
+    """Wherever the interface lies among the cells in which fluids are looked for."""
+    case = Case.from_dict({
+        "dimension": 2, "particle_spacing": 1 / 16, "end_time": 1.0, "gravity": [0, -1.0],
+        "domain": {"lower": [0, 0], "upper": [1, 1.5], "boundary": {"x": "periodic", "y": "free_slip"}},
+        "phases": {"light": {"density": 1.0, "viscosity": 0.1}, "heavy": {"density": 1.8, "viscosity": 0.1}},
+        "fluids": [{"phase": "light", "shape": {"box": {"lower": [0, 0], "upper": [1, height]}}},
+                   {"phase": "heavy", "shape": "rest"}],
+        "start": {"pressure": "hydrostatic"}, "scales": {"velocity": 1.0},
+    })  # fmt: skip
+    nominal = Model(case, threads=1).nominal_pressure
+    assert nominal == pytest.approx(1.8 * (1.5 - height), abs=1.8 * 2 / 16)
+    assert abs(nominal[0] - nominal[1]) < 1.8 * 4 / 16
+
+
+def test_one_fluid_and_one_with_a_surface_have_their_density_without_pressure():
+    case = Case.from_dict({
+        "dimension": 2, "particle_spacing": 1 / 16, "end_time": 1.0, "gravity": [0, -1.0],
+        "domain": {"lower": [0, 0], "upper": [1, 1.5], "boundary": {"x": "periodic", "y": "free_slip"}},
+        "phases": {"light": {"density": 1.0, "viscosity": 0.1}, "heavy": {"density": 1.8, "viscosity": 0.1}},
+        "fluids": [{"phase": "heavy", "shape": {"box": {"lower": [0, 0], "upper": [1, 0.5]}}},
+                   {"phase": "light", "shape": {"box": {"lower": [0, 0.5], "upper": [1, 1]}}}],
+        "start": {"pressure": "hydrostatic"}, "scales": {"velocity": 1.0},
+    })  # fmt: skip
+    assert not Model(case, threads=1).nominal_pressure.any()

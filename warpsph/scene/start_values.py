@@ -12,20 +12,42 @@ if TYPE_CHECKING:
     from warpsph.scene.physics import Physics
 
 
+MEETING = 4  # spacings: edge of the cells in which fluids count as meeting, about a support
+
+
 def nominal_pressure(case: Case, geometry: Geometry, physics: Physics) -> np.ndarray:
     """Return the pressure at which each phase has the density of the case, (phases,) Pa (theory: riemann#a1).
 
-    Where several fluids fill the domain it is the mean of the start over the phase, so that each has the mass of its density
-    times its room; at a free surface, and for one fluid, whose mass counts for nothing but a factor, it is 0.
+    Where several fluids fill the domain it is the mean of the start where the phase meets others: what a difference of
+    densities does it does there. At a free surface, and for one fluid, whose mass counts for nothing but a factor, it is 0.
     """
     spec = physics.spec
     count = len(case.phase_names)
     if not spec.multiphase or spec.free_surface or spec.printed:
         return np.zeros(count)
     nf = geometry.fluid_count
-    phase, volume = geometry.phase[:nf], geometry.volume[:nf]
-    pressures = np.bincount(phase, volume * geometry.pressure[:nf], count)
-    return np.asarray(pressures / np.maximum(np.bincount(phase, volume, count), np.finfo(float).tiny))
+    phase, volume, pressure = geometry.phase[:nf], geometry.volume[:nf], geometry.pressure[:nf]
+    if not pressure.any():
+        return np.zeros(count)
+    weight = volume * _meetings(geometry.position[:nf] / (MEETING * case.spacing), phase, count)
+    alone = np.bincount(phase, weight, count) == 0.0
+    weight = np.where(alone[phase], volume, weight)  # a phase that meets none has its mean
+    total = np.bincount(phase, weight, count)
+    return np.asarray(np.bincount(phase, weight * pressure, count) / np.maximum(total, np.finfo(float).tiny))
+
+
+def _meetings(position: np.ndarray, phase: np.ndarray, count: int) -> np.ndarray:
+    """Return in how many of two grids of unit cells, half a cell apart, a particle is in a cell with other phases, (n,)."""
+    meetings = np.zeros(len(phase))
+    for offset in (0.0, 0.5):
+        cells = np.floor(position - position.min(axis=0) + offset).astype(np.int64)
+        cell = np.ravel_multi_index(tuple(cells.T), tuple(cells.max(axis=0) + 1))
+        first = np.full(cell.max() + 1, count)
+        last = np.full(cell.max() + 1, -1)
+        np.minimum.at(first, cell, phase)
+        np.maximum.at(last, cell, phase)
+        meetings += first[cell] != last[cell]
+    return meetings
 
 
 def density_excess(case: Case, geometry: Geometry, physics: Physics) -> np.ndarray:
