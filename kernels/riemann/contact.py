@@ -9,7 +9,8 @@ The square, because with half a support the computed normals lean towards 90 deg
 by 3 in the second, at 30 by 13 and 6. Height of a drop at rest with f = y/y_max and with the square, 10 particles a radius
 (`sessile_drop-R_10*`): 6.4 and 2.4 % off at 60 degrees, -0.7 and 0.7 % at 90, -2.6 and 0.1 % at 120.
 
-Where walls meet at an edge, n_w is the mean of both. Of several other phases around a particle the cosines are averaged.
+Where walls meet at an edge, n_w is the mean of both. Of several other phases around a particle the cosines are averaged;
+that of a pair without an angle is 0: 90 degrees.
 """
 
 import functools
