@@ -16,6 +16,7 @@ from pydantic_core import PydanticCustomError
 from warpsph.case.domain import AXES
 from warpsph.case.values import NumberRule
 from warpsph.errors import short
+from warpsph.running.tension_doubts import contradicting_angles, missing_pairs
 from warpsph.scene.forcing import Track, forcing_of
 
 if TYPE_CHECKING:
@@ -31,7 +32,14 @@ MOST_POINTS = 500  # of a body; of more those that a convex hull needs
 
 def doubts(case: Case, geometry: Geometry) -> list[str]:
     """Return the warnings of a case, a line each."""
-    return [*_late_times(case), *_long_window(case), *_places_outside(case), *_bodies_through_walls(case, geometry)]
+    return [
+        *missing_pairs(case),
+        *contradicting_angles(case),
+        *_late_times(case),
+        *_long_window(case),
+        *_places_outside(case),
+        *_bodies_through_walls(case, geometry),
+    ]
 
 
 # times ------------------------------------------------------------------------------------------------------
