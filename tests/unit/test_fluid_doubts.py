@@ -1,13 +1,16 @@
-"""Warnings about scenes of several fluids: angles and tensions; none where the scene may be meant."""
+"""Warnings about scenes of several fluids: angles, tensions, gaps and thin layers; none where the scene may be meant."""
 
 import copy
 import math
 
+import numpy as np
 import pytest
 
 from tests.scenes import case_of
-from warpsph.running.preview import estimate
+from warpsph import Simulation
+from warpsph.running.preview import describe, estimate
 from warpsph.running.tension_doubts import contradicting_angles, missing_pairs
+from warpsph.scene.narrow import _pieces
 
 # Oil, water and a lighter oil in layers of 5, 5 and 6 rows between walls; the kernel reaches 3 spacings.
 TENSIONS = {"ab": 1.0, "bc": 0.8, "ca": 0.6}
@@ -114,3 +117,100 @@ def test_pairs_that_are_meant_to_have_none():
     entries[2]["coefficient"] = 0
     for given in (entries, [], [{**entries[0], "coefficient": 0}]):
         assert not told(case_of(LAYERS, surface_tension=given), "surface_tension")
+
+
+# gaps --------------------------------------------------------------------------------------------------------
+
+
+def boxes(*corners, **changes):
+    """Return the case with boxes of the phases a, b and c, each (lower, upper)."""
+    fluids = [
+        {"phase": "abc"[k], "shape": {"box": {"lower": list(lower), "upper": list(upper)}}}
+        for k, (lower, upper) in enumerate(corners)
+    ]
+    return case_of(LAYERS, fluids=fluids, **changes)
+
+
+FULL = ((0, 0), (1, 0.25)), ((0, 0.25), (1, 0.5)), ((0, 0.5), (1, 0.8))
+
+
+@pytest.mark.parametrize("rows", [1, 2])
+def test_a_gap_between_boxes(rows):
+    """Below the three spacings that the kernel reaches; in `check`, `show` and `run`."""
+    case = boxes(FULL[0], ((0, 0.25 + 0.05 * rows), (1, 0.5)), FULL[2])
+    (line,) = told(case, "fluids:")
+    assert f"no region fills {20 * rows} cells" in line and "the first at (0.025, 0.275)" in line and "shape rest" in line
+    assert line in describe(case)["warnings"] and line in Simulation(case, threads=1).warnings
+
+
+def test_a_gap_around_a_box():
+    """With its corners, which have no fluid on two sides."""
+    hole = {"where": {"condition": "y < 0.5 and not (0.3 < x and x < 0.7 and y > 0.2)"}}
+    inner = {"box": {"lower": [0.35, 0.25], "upper": [0.65, 0.5]}}
+    fluids = [{"phase": "a", "shape": hole}, {"phase": "b", "shape": inner}, LAYERS["fluids"][2]]
+    fluids[2] = {"phase": "c", "shape": {"box": {"lower": [0, 0.5], "upper": [1, 0.8]}}}
+    (line,) = told(case_of(LAYERS, fluids=fluids), "fluids:")
+    assert "no region fills 18 cells" in line
+
+
+OPEN = {
+    "three spacings": (((0, 0), (1, 0.25)), ((0, 0.4), (1, 0.6)), ((0, 0.6), (1, 0.8))),
+    "below a roof": (*FULL[:2], ((0, 0.5), (1, 0.75))),
+    "a free surface": (*FULL[:2], ((0, 0.5), (1, 0.65))),
+    # two columns a spacing apart, below and above which all is empty
+    "columns": (((0.2, 0.2), (0.45, 0.6)), ((0.5, 0.2), (0.75, 0.6)), ((0.2, 0.6), (0.45, 0.75))),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", OPEN)
+def test_empty_space_that_may_be_meant(name):
+    assert not told(boxes(*OPEN[name]), "fluids")
+
+
+def test_full_domains_have_no_gap():
+    assert not told(case_of(LAYERS), "fluids") and not told(boxes(*FULL), "fluids")
+
+
+def test_pieces_go_on_across_periodic_sides():
+    mask = np.zeros((6, 5), np.bool_)
+    mask[0, 1] = mask[5, 1] = mask[3, 3] = True
+    assert len(np.unique(_pieces(mask, (False, False)))) == 4
+    piece = _pieces(mask, (True, False))
+    assert piece[0, 1] == piece[5, 1] != piece[3, 3] and piece[2, 0] == 0
+
+
+# thin layers -------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("rows", [1, 2, 3])
+def test_a_thin_layer(rows):
+    """Of one row and two, not of three, which is what the kernel reaches."""
+    top = 0.25 + 0.05 * rows
+    lines = told(boxes(FULL[0], ((0, 0.25), (1, top)), ((0, top), (1, 0.8))), "fluids")
+    assert len(lines) == (rows < 3)
+    if lines:
+        assert lines[0].startswith(f"fluids.1.shape: b is nowhere more than {rows} row")
+        assert f"({20 * rows} particles)" in lines[0] and f"particle_spacing to {0.05 * rows / 3:.2g}" in lines[0]
+
+
+def test_a_thin_layer_on_a_wall_and_a_thin_ring():
+    (line,) = told(boxes(((0, 0), (1, 0.1)), ((0, 0.1), (1, 0.5)), FULL[2]), "fluids")
+    assert line.startswith("fluids.0.shape: a is nowhere more than 2 rows")
+    ring = {"where": {"condition": "abs(sqrt((x - 0.5)**2 + (y - 0.4)**2) - 0.25) < 0.04"}}
+    disc = {"where": {"condition": "sqrt((x - 0.5)**2 + (y - 0.4)**2) < 0.21"}}
+    fluids = [{"phase": "a", "shape": ring}, {"phase": "b", "shape": disc}, LAYERS["fluids"][2]]
+    (line,) = told(case_of(LAYERS, fluids=fluids), "fluids")
+    assert line.startswith("fluids.0.shape: a is nowhere more than")
+
+
+def test_a_drop_with_pointed_ends_is_no_layer():
+    drop = {"sphere": {"center": [0.5, 0.4], "radius": 0.11}}
+    fluids = [{"phase": "a", "shape": LAYERS["fluids"][0]["shape"]}, {"phase": "b", "shape": drop}, LAYERS["fluids"][2]]
+    assert not told(case_of(LAYERS, fluids=fluids), "fluids")
+
+
+def test_a_channel_of_one_fluid_may_be_narrow():
+    """Two rows between walls: no other fluid is beside it."""
+    narrow = {"lower": [0, 0], "upper": [1, 0.1], "boundary": {"x": "periodic", "y": "wall"}}
+    one = {"phases": {"a": {"density": 1}}, "fluids": [{"phase": "a", "shape": "rest"}], "surface_tension": []}
+    assert not told(case_of({**LAYERS, **one, "domain": narrow}), "fluids")

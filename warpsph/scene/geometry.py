@@ -29,6 +29,7 @@ from warpsph.scene.cut_cells import cut_places
 from warpsph.scene.equal_masses import equal_masses
 from warpsph.scene.fluid_regions import EntryAt, chosen_arrangement, fluid_regions, loose_gas, off_lattice
 from warpsph.scene.lattice import Lattice, make_lattice
+from warpsph.scene.narrow import narrow_places
 from warpsph.scene.start_fluid import fluid_particles, start_density, start_pressure, start_velocity
 from warpsph.scene.wall_cells import Surroundings, WallCells
 
@@ -145,6 +146,7 @@ def build(case: Case, support: float, unlock: float = 0.0, arrange: Arrange | No
     # The entry appended at the end is what region -1, an empty cell, finds.
     phase_of_region = np.array([*(phase_index[fluid.phase] for fluid in case.fluids), -1], dtype=np.int32)
     problems += loose_gas(case, lattice, phase_of_region[region], covered, support)
+    warnings += narrow_places(case, lattice, region, phase_of_region, covered, support)
     surfaces = [solid.surface for solid in walls.solids]
     boundary = np.concatenate([solid.filling for solid in walls.solids]) if walls.solids else None
     regions = Regions(
