@@ -9,10 +9,12 @@ import pytest
 
 from tests.scenes import FULL, PERIODIC, case_of
 from warpsph import Simulation
+from warpsph.case.case import Case
 from warpsph.engine import launch
 from warpsph.errors import CaseError, OutputError
 from warpsph.files import checkpoint
 from warpsph.kernels.core import clock as ck
+from warpsph.running.model import Model
 
 SCENES = {"periodic": PERIODIC, "full": FULL}
 
@@ -270,3 +272,25 @@ def test_folder_without_checkpoint_is_refused(tmp_path):
     (tmp_path / "checkpoint").mkdir()
     with pytest.raises(CaseError, match="no readable checkpoint"):
         Simulation(case_of(FULL), restart=tmp_path, threads=1)
+
+
+def test_the_pressure_at_which_fluids_have_their_density_is_that_of_the_start_of_the_whole_run():
+    """A restart knows the particles of the start, not where they were fitted to."""
+    case = Case.from_dict({
+        "dimension": 2, "particle_spacing": 1 / 16, "end_time": 0.05, "gravity": [0, -0.98],
+        "domain": {"lower": [0, 0], "upper": [1, 2], "boundary": {"x": "free_slip", "y": "wall"}},
+        "phases": {"water": {"density": 1000, "viscosity": 10}, "gas": {"density": 100, "viscosity": 1}},
+        "fluids": [{"phase": "gas", "shape": {"sphere": {"center": [0.5, 0.5], "radius": 0.25}}},
+                   {"phase": "water", "shape": "rest"}],
+        "start": {"pressure": "980*(2 - y)", "arrangement": "fitted"}, "output": {"particles": "none"},
+    })  # fmt: skip
+    whole, again = Model(case, threads=1), Model(case, threads=1, fresh=False)
+    assert (whole.nominal_pressure != again.nominal_pressure).any()  # else there is nothing to get wrong
+    state = {name: np.array(values) for name, values in whole.save_state().items()}
+    again.load_state(state)
+    np.testing.assert_array_equal(again.nominal_pressure, whole.nominal_pressure)
+    backgrounds = [model.stepper.bindings["phases"].numpy()["background"] for model in (whole, again)]
+    np.testing.assert_array_equal(*backgrounds)
+    del state["nominal_pressure"]  # a checkpoint of before, whose densities are those of no pressure
+    again.load_state(state)
+    assert not again.stepper.bindings["phases"].numpy()["background"].any()

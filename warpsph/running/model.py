@@ -186,13 +186,12 @@ class Model:
         real = types_of(spec).real
         params = self._params()
         own = self.scheme.values(params, case, self.geometry, physics, self.device)
-        phases = self._phases()
         return {
             "params": params,
             "sides": self._sides(),
             **self._signals(),
             **window_values(case, spec, self.device),
-            "phases": wp.array(phases, dtype=make_phase(spec.precision), device=self.device),
+            "phases": self._materials(),
             "tension": wp.array(physics.tension.ravel(), dtype=real, device=self.device),
             "phase_count": len(case.phases),
             "side_walls": len(self.geometry.body_names) - len(case.bodies),
@@ -243,6 +242,10 @@ class Model:
         params.center = vec(*map(float, case.central_force.center if case.central_force else [0.0] * d))
         params.pull = case.central_force.rate ** 2 if case.central_force else 0.0
         return params
+
+    def _materials(self) -> wp.array:
+        """Return the `Phase` of each phase of the case, on the device."""
+        return wp.array(self._phases(), dtype=make_phase(self.physics.spec.precision), device=self.device)
 
     def _phases(self) -> list[Any]:
         """Return a `Phase` of each phase of the case."""
@@ -483,6 +486,7 @@ class Model:
             "counters": np.array(counters),
             "maxima": self.stepper.maxima.numpy().reshape(-1, ck.MAXIMA).max(axis=0),
             "leak_counts": np.array(self.stepper.bindings["leak_counts"].numpy()),
+            "nominal_pressure": self.nominal_pressure,
             # copies: on a CPU these are the arrays themselves, which go on changing while a checkpoint is written
             **{name: np.array(self.stepper.bindings[name].numpy()) for name in self._kept_arrays()},
         }
@@ -512,6 +516,9 @@ class Model:
                     raise ValueError(f"the saved state has no field {name}")
                 self.particles.put(name, state[name])
         self.stepper.maxima.assign(np.tile(state["maxima"], self.launcher.threads))
+        # The start that this model knows may be a coarser one. Checkpoints of older versions have densities at no pressure.
+        self.nominal_pressure = state.get("nominal_pressure", np.zeros_like(self.nominal_pressure))
+        self.stepper.bindings["phases"].assign(self._materials())
         if "leak_counts" in state:  # checkpoints from before did not count
             self.stepper.bindings["leak_counts"].assign(state["leak_counts"])
         for name in self._kept_arrays():
