@@ -68,8 +68,13 @@ def exact_rate(k: float, density: tuple, viscosity: tuple, sigma: float) -> comp
     return s
 
 
-def scene(columns: int, rows: int, ratio: float, viscosity: float, step: float, numerics: dict) -> dict[str, Any]:
-    """Return the case: `columns` x `rows` particles, the interface in the middle, one kinematic viscosity [spacing^2/s]."""
+def scene(
+    columns: int, rows: int, ratio: float, viscosity: tuple[float, float], step: float, numerics: dict
+) -> dict[str, Any]:
+    """Return the case: `columns` x `rows` particles, the interface in the middle.
+
+    viscosity: kinematic, of the lower and the upper fluid [spacing^2/s].
+    """
     return {
         "dimension": 2,
         "particle_spacing": 1.0,
@@ -77,8 +82,8 @@ def scene(columns: int, rows: int, ratio: float, viscosity: float, step: float, 
         "precision": "float64",
         "domain": {"lower": [0, 0], "upper": [columns, rows], "boundary": {"x": "periodic", "y": "free_slip"}},
         "phases": {
-            "lower": {"density": ratio, "viscosity": viscosity * ratio},
-            "upper": {"density": 1.0, "viscosity": viscosity},
+            "lower": {"density": ratio, "viscosity": viscosity[0] * ratio},
+            "upper": {"density": 1.0, "viscosity": viscosity[1]},
         },
         "surface_tension": [{"between": ["lower", "upper"], "coefficient": 1.0}],
         "fluids": [
@@ -98,7 +103,7 @@ class LinearStep:
 
     Args:
         ratio: density of the lower fluid over that of the upper.
-        viscosity: kinematic, of both [spacing^2/s].
+        viscosity: kinematic, of both or of the lower and the upper fluid [spacing^2/s].
         columns: of particles; more than twice the way that a step carries anything (20 spacings).
         rows: of particles; both fluids are half of it deep.
         step: time step [s].
@@ -106,13 +111,20 @@ class LinearStep:
     """
 
     def __init__(
-        self, ratio: float, viscosity: float, columns: int = 48, rows: int = 32, step: float = 0.05, **numerics: Any
+        self,
+        ratio: float,
+        viscosity: float | tuple[float, float],
+        columns: int = 48,
+        rows: int = 32,
+        step: float = 0.05,
+        **numerics: Any,
     ) -> None:
         from warpsph.case.case import Case
         from warpsph.simulation import Simulation
 
         self.columns, self.rows, self.step = columns, rows, step
-        case = Case.from_dict(scene(columns, rows, ratio, viscosity, step, numerics))
+        both = viscosity if isinstance(viscosity, tuple) else (viscosity, viscosity)
+        case = Case.from_dict(scene(columns, rows, ratio, both, step, numerics))
         self.stepper = Simulation(case, device="cpu").model.stepper
         self.stepper.prepare(fresh=True)
         rest = self._get("position")
@@ -180,19 +192,21 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--density", type=float, default=1.0, help="of the lower fluid over that of the upper")
     parser.add_argument("--viscosity", type=float, default=0.1265, help="kinematic, in spacings^2/s")
+    parser.add_argument("--upper-viscosity", type=float, help="that of the upper fluid, if it has another one")
     parser.add_argument("--columns", type=int, default=48, help="of particles: the longest wave [spacings]")
     parser.add_argument("--rows", type=int, default=32, help="of particles, half of them in each fluid")
     parser.add_argument("--step", type=float, default=0.05, help="time step [s]")
     parser.add_argument("--set", nargs="*", default=[], metavar="KEY=VALUE", help="further keys of numerics")
     options = parser.parse_args()
     numerics = dict(text.split("=", 1) for text in options.set)
-    linear = LinearStep(options.density, options.viscosity, options.columns, options.rows, options.step, **numerics)
+    lower, upper = options.viscosity, options.upper_viscosity or options.viscosity
+    linear = LinearStep(options.density, (lower, upper), options.columns, options.rows, options.step, **numerics)
     print("| spacings a wave | exact [1/s] | program [1/s] | fastest growth [1/s] |\n|---|---|---|---|")
     for waves in range(1, linear.columns // 2):
         k, rates = 2 * np.pi * waves / linear.columns, linear.rates(waves)
         fastest = rates[np.argmax(rates.real)]
         try:
-            exact = exact_rate(k, (options.density, 1.0), (options.density * options.viscosity, options.viscosity), 1.0)
+            exact = exact_rate(k, (options.density, 1.0), (options.density * lower, upper), 1.0)
             nearest = rates[np.argmin(abs(rates - exact))]
             texts = [f"{z.real:+.7f} {z.imag:+.7f}i" for z in (exact, nearest)]
         except ValueError:
