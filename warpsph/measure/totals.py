@@ -42,7 +42,12 @@ class PhaseEos:
 
 
 def eos_of_case(case: Any) -> dict[str, PhaseEos] | None:
-    """Equations of state, if the case gives every number; None if one is `auto`."""
+    """Equations of state, if the case gives every number; None if one is `auto`, or of several fluids.
+
+    The pressure at which each of several has its density follows from the start of a run (theory: riemann#a1).
+    """
+    if len(case.phases) > 1:
+        return None
     result = {}
     for name, phase in case.phases.items():
         numbers = (phase.density, phase.sound_speed, phase.gamma, phase.background_pressure)
