@@ -181,6 +181,16 @@ def test_each_variant_is_run_at_every_point_after_the_settings():
         sweep(study(variants=variants | {"dense": {}}, settings={"phases.water.density": 2}), "out")
 
 
+def test_variants_take_values_as_settings_do():
+    variants = {"low": {"gravity": [0, "-{g}"]}, "high": {"gravity": [0, "-2*{g}"], "end_time": 2}}
+    plan, _ = load_sweep(study(parameters={"g": [9.81, -5], "end_time": [1]}, variants=variants))
+    assert plan.used == ["g"]
+    assert plan.changes({"g": -5, "end_time": 1, "variant": "low"}) == {"end_time": 1, "gravity": [0, "-(-5)"]}
+    assert plan.changes({"g": -5, "end_time": 1, "variant": "high"}) == {"end_time": 2, "gravity": [0, "-2*(-5)"]}
+    with pytest.raises(CaseError, match=r"uses \{h\} in variants, which is no parameter"):
+        load_sweep(study(variants={"low": {"end_time": "{h}"}}))
+
+
 def test_a_parameter_called_variant_beside_variants_is_refused():
     with pytest.raises(CaseError, match="two columns with the name variant"):
         load_sweep(study(parameters={"variant": [1]}, variants={"default": {}}))

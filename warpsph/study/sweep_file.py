@@ -175,7 +175,7 @@ class Sweep(CaseModel):
         Mapping[str, Annotated[Mapping[str, Any], FreezeMapping(), BeforeValidator(as_settings)]], FreezeMapping()
     ] = Field(
         default_factory=FrozenDict,
-        description="name -> dotted keys of the case and their values; each is run at every point, after `settings`",
+        description="name -> dotted keys and values, as in `settings` and after these; each is run at every point",
         examples=["{default: {}, quintic: {numerics.kernel: quintic}}"],
     )
     measure: Annotated[Mapping[Name, Measurement], FreezeMapping()] = Field(
@@ -213,7 +213,8 @@ class Sweep(CaseModel):
             raise bad_value(f"needs equally many values of each parameter with method: list, here {told}")
         for name in self.used:
             if name not in self.parameters:
-                raise bad_value(f"uses {{{name}}} in settings, which is no parameter", suggestion(name, self.parameters))
+                place = "settings" if name in _names(self.settings) else "variants"
+                raise bad_value(f"uses {{{name}}} in {place}, which is no parameter", suggestion(name, self.parameters))
         columns = [*ALWAYS, *self.varied, *self.measure]
         double = [name for name in (*self.measure, *self.varied) if columns.count(name) > 1]
         if double:
@@ -228,14 +229,14 @@ class Sweep(CaseModel):
 
     @property
     def used(self) -> list[str]:
-        """Names of parameters in the texts of `settings`, those within lists and mappings too."""
-        return list(dict.fromkeys(name for text in _texts(self.settings) for name in PLACEHOLDER.findall(text)))
+        """Names of parameters in the texts of `settings` and `variants`, those within lists and mappings too."""
+        return _names([self.settings, self.variants])
 
     def changes(self, point: Mapping[str, Any]) -> dict[str, Any]:
         """Dotted keys of the case and their values at a point of the parameters; numbers stand in brackets in a text."""
         result = {name: value for name, value in point.items() if name in self.parameters and name not in self.used}
-        result |= {key: _filled_in(value, point) for key, value in self.settings.items()}
-        return result | (dict(self.variants[point[VARIANT]]) if self.variants else {})
+        variant = self.variants[point[VARIANT]] if self.variants else {}
+        return result | {key: _filled_in(value, point) for key, value in (*self.settings.items(), *variant.items())}
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data as in a file, without what was left out."""
@@ -250,6 +251,11 @@ def _texts(value: Any) -> Iterator[str]:
     elif isinstance(value, Mapping | list | tuple):
         for item in value.values() if isinstance(value, Mapping) else value:
             yield from _texts(item)
+
+
+def _names(value: Any) -> list[str]:
+    """Names in braces in all texts of a setting, each once."""
+    return list(dict.fromkeys(name for text in _texts(value) for name in PLACEHOLDER.findall(text)))
 
 
 def _filled_in(value: Any, point: Mapping[str, Any]) -> Any:
