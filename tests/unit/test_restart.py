@@ -268,6 +268,44 @@ def test_another_scene_is_refused(drop, path, value):
     assert caught.value.problems[0].path == path.split(".")[0]
 
 
+THREE = {
+    "dimension": 2, "particle_spacing": 1 / 12, "end_time": 0.01,
+    "domain": {"lower": [0, 0], "upper": [1, 1], "boundary": {"x": "periodic", "y": "wall"}},
+    "phases": {name: {"density": 1, "viscosity": 0.1} for name in ("a", "b", "c")},
+    "surface_tension": [{"between": pair, "coefficient": 1} for pair in (["a", "b"], ["b", "c"], ["a", "c"])],
+    "fluids": [{"phase": "a", "shape": {"box": {"lower": [0, 0], "upper": [0.5, 0.5]}}},
+               {"phase": "b", "shape": {"box": {"lower": [0.5, 0], "upper": [1, 0.5]}}}, {"phase": "c", "shape": "rest"}],
+    "output": {"particles": "none"},
+}  # fmt: skip
+ANGLE, ONE_TENSION = (
+    {"surface_tension.0.contact_angle": 60},
+    {"surface_tension": [{"between": ["a", "b"], "coefficient": 1}]},
+)
+
+
+@pytest.mark.parametrize("change", [ANGLE, ONE_TENSION], ids=["angle", "one tension"])
+@pytest.mark.parametrize("turn", [False, True], ids=["taken away", "added"])
+def test_a_balance_of_three_tensions_that_comes_or_goes_is_told(tmp_path, change, turn):
+    """Not by the shape of an array, of which a user knows nothing."""
+    case = Case.from_dict(THREE)
+    first, second = (case.replace(change), case) if turn else (case, case.replace(change))
+    Simulation(first, output=tmp_path / "run", threads=1).run()
+    with pytest.raises(CaseError) as caught:
+        Simulation(second.replace({"end_time": 0.02}), restart=tmp_path / "run", threads=1)
+    (problem,) = caught.value.problems
+    assert problem.path == "surface_tension"
+    assert f"{'without' if turn else 'with'} a balance of tensions where three fluids meet" in problem.rule
+    assert "shape" not in problem.rule
+
+
+def test_a_tension_between_three_fluids_may_change_for_a_restart(tmp_path):
+    Simulation(Case.from_dict(THREE), output=tmp_path / "run", threads=1).run()
+    changed = Case.from_dict(THREE).replace({"surface_tension.0.coefficient": 0.5, "end_time": 0.012})
+    again = Simulation(changed, restart=tmp_path / "run", threads=1)
+    again.run()
+    assert again.state.time == pytest.approx(0.012)
+
+
 def test_folder_without_checkpoint_is_refused(tmp_path):
     (tmp_path / "checkpoint").mkdir()
     with pytest.raises(CaseError, match="no readable checkpoint"):

@@ -79,5 +79,14 @@ def check_fit(model: Model, state: Mapping[str, np.ndarray], attributes: Mapping
     if not problems and not model.particles.changing and count != model.particles.count:
         rule = f"the checkpoint holds {count} particles, the case {model.particles.count}"
         problems.append(Problem("restart", count, rule, SAME_CASE))
+    weights = state.get("interface_weight")
+    if not problems and weights is not None and "interface_weight" in model.particles.fields:
+        balanced = weights.ndim == 2  # one weight for each phase
+        if balanced != model.physics.spec.triple:
+            rule = (
+                f"the checkpoint is of a run {'with' if balanced else 'without'} a balance of tensions where three fluids "
+                "meet, which runs of three fluids have if two pairs or more have a tension and none a contact_angle"
+            )
+            problems.append(Problem("surface_tension", model.case.to_dict()["surface_tension"], rule, SAME_CASE))
     if problems:
         raise CaseError(problems)
