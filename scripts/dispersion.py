@@ -1,14 +1,22 @@
-"""Linear waves of a flat interface between two fluids: the exact dispersion relation, and that of the program.
+r"""Linear waves of a flat interface between two fluids: the exact dispersion relation, and that of the program.
 
     python scripts/dispersion.py --density 1 --viscosity 0.1265
 
 prints, for waves of 48 spacings and less, the exact rate s of e^{ikx + st}, that of the program's wave, and the fastest
-growth of all modes of this length (docs/records/tension.md). Exactly, nothing grows. Spacing, tension and the lighter
-density are 1.
+growth of all modes of this length (docs/records/tension.md). Exactly, nothing grows. The spacing and the lighter density
+are 1, and the tension by default.
 
 The program's rates are eigenvalues of one time step, linearised about rest on the lattice: each row of particles is
 displaced, set in motion, or compressed at one place, in double precision, and what a step makes of that is summed over the
 columns with the phase of the wave. All modes are there, not just the fastest, and no run has to be waited for.
+
+    python scripts/dispersion.py --density 1000 --viscosity 0.003 --columns 32 --rows 44 --fields
+    python scripts/dispersion.py --density 1.2 --viscosity 0.003 --columns 32 --rows 44 --gravity 0.05 --tension 1e-3 \
+        --step 0.02
+
+--fields prints, row by row, what the sweeps make of the exact wave of ideal fluids: the acceleration along and across over
+the exact one, and the divergence, which should be zero, over k times the velocity across. So an error of the rate is traced
+to a row, a fluid and a sweep. --gravity adds internal waves; the step has to be shorter, as fluids that weigh are stiffer.
 """
 
 import argparse
@@ -68,13 +76,32 @@ def exact_rate(k: float, density: tuple, viscosity: tuple, sigma: float) -> comp
     return s
 
 
+def stiffness(k: float, density: tuple, sigma: float, gravity: float) -> float:
+    """Return the tension [N/m] that would pull a wave back as tension and weight do together."""
+    return sigma + (density[0] - density[1]) * gravity / k**2
+
+
 def scene(
-    columns: int, rows: int, ratio: float, viscosity: tuple[float, float], step: float, numerics: dict
+    columns: int,
+    rows: int,
+    ratio: float,
+    viscosity: tuple[float, float],
+    step: float,
+    numerics: dict,
+    tension: float = 1.0,
+    gravity: float = 0.0,
 ) -> dict[str, Any]:
     """Return the case: `columns` x `rows` particles, the interface in the middle.
 
     viscosity: kinematic, of the lower and the upper fluid [spacing^2/s].
     """
+    # a tenth of the speed and pressure of the shortest wave at an amplitude of a spacing
+    scales, start = {"velocity": 0.05, "pressure": 0.05}, {}
+    if gravity:
+        deep = 0.5 * rows
+        scales = {"velocity": 0.1 * np.sqrt(gravity * deep), "pressure": ratio * gravity * deep}
+        above = f"{gravity}*({rows} - y)"
+        start = {"pressure": f"where(y < {deep}, {gravity * deep} + {ratio * gravity}*({deep} - y), {above})"}
     return {
         "dimension": 2,
         "particle_spacing": 1.0,
@@ -85,13 +112,14 @@ def scene(
             "lower": {"density": ratio, "viscosity": viscosity[0] * ratio},
             "upper": {"density": 1.0, "viscosity": viscosity[1]},
         },
-        "surface_tension": [{"between": ["lower", "upper"], "coefficient": 1.0}],
+        "surface_tension": [{"between": ["lower", "upper"], "coefficient": tension}],
+        "gravity": [0, -gravity],
+        "start": start,
         "fluids": [
             {"phase": "lower", "shape": {"box": {"lower": [0, 0], "upper": [columns, rows / 2]}}},
             {"phase": "upper", "shape": "rest"},
         ],
-        # a tenth of the speed and pressure of the shortest wave at an amplitude of a spacing
-        "scales": {"velocity": 0.05, "pressure": 0.05},
+        "scales": scales,
         "numerics": {"unlock": 0, "maximum_step": step, "acoustic_relaxation": 0, **numerics},
     }
 
@@ -107,6 +135,8 @@ class LinearStep:
         columns: of particles; more than twice the way that a step carries anything (20 spacings).
         rows: of particles; both fluids are half of it deep.
         step: time step [s].
+        tension: [N/m].
+        gravity: downwards [spacing/s^2].
         numerics: further keys of the case.
     """
 
@@ -117,14 +147,17 @@ class LinearStep:
         columns: int = 48,
         rows: int = 32,
         step: float = 0.05,
+        tension: float = 1.0,
+        gravity: float = 0.0,
         **numerics: Any,
     ) -> None:
         from warpsph.case.case import Case
         from warpsph.simulation import Simulation
 
         self.columns, self.rows, self.step = columns, rows, step
+        self.ratio, self.tension, self.gravity = ratio, tension, gravity
         both = viscosity if isinstance(viscosity, tuple) else (viscosity, viscosity)
-        case = Case.from_dict(scene(columns, rows, ratio, both, step, numerics))
+        case = Case.from_dict(scene(columns, rows, ratio, both, step, numerics, tension, gravity))
         self.stepper = Simulation(case, device="cpu").model.stepper
         self.stepper.prepare(fresh=True)
         rest = self._get("position")
@@ -159,7 +192,8 @@ class LinearStep:
         self._put("velocity", state[:, 2:4])
         self._put("density_excess", state[:, 4])
         self.stepper.write(counters={ck.REBUILD: 1})
-        self.stepper.start_nodes.run()
+        for _ in range(2):  # depths below the interface are of the curvature that the last run of the stages found
+            self.stepper.start_nodes.run()
         self.stepper.write(clock={ck.LAST_STEP: self.step, ck.STEP: self.step})
         for task in self.stepper.step_tasks:
             task.run()
@@ -187,6 +221,45 @@ class LinearStep:
         return np.log(factors[factors != 0]) / self.step
 
 
+    def _stiffness(self) -> np.ndarray:
+        """Return dp/ds [Pa] of each row, s the density excess."""
+        pressures = []
+        for sign in (1, -1):
+            self._put("density_excess", self.rest[:, 4] + sign * EPSILON)
+            self.stepper.start_nodes.run()
+            pressures.append(self._get("state")[self.at[0], 0])
+        return (pressures[0] - pressures[1]) / (2 * EPSILON)
+
+    def fields(self, waves: int) -> np.ndarray:
+        """Return what the sweeps make of the exact wave of ideal fluids, (rows, 4).
+
+        Height over the interface [spacings], acceleration along the interface and across it, both over the exact one, and
+        divergence over k times the velocity across.
+        """
+        k = 2 * np.pi * waves / self.columns
+        height = np.arange(self.rows) + 0.5 - 0.5 * self.rows
+        below, decay = height < 0, np.exp(-k * abs(height))
+        density = np.where(below, self.ratio, 1.0)
+        rate2 = stiffness(k, (self.ratio, 1.0), self.tension, self.gravity) * k**3 / (self.ratio + 1)  # omega^2
+        moved = np.stack([np.where(below, 1j, -1j) * decay, decay.astype(complex)])
+        # a particle has the pressure of its new place, less what it has at rest: -rho g of the way
+        pressure = np.where(below, 1, -1) * density * rate2 * decay / k - density * self.gravity * decay
+        phase = np.exp(-2j * np.pi * waves * np.arange(self.columns) / self.columns)
+        step = np.einsum("arcbs,c->arbs", self.response, phase)
+        gained = np.einsum("arbs,bs->ar", step[2:4, :, :2], moved) + step[2:4, :, 4] @ (pressure / self._stiffness())
+        divergence = np.einsum("rbs,bs->r", step[4][:, 2:4], moved) / self.step
+        along, across = (gained / self.step / (-rate2 * moved)).real
+        return np.column_stack([height, along, across, divergence.real / (k * decay)])
+
+
+def print_fields(linear: LinearStep) -> None:
+    """Print what the sweeps make of the exact wave of the length of the box."""
+    print("| height | acceleration along / exact | across / exact | divergence / k v |\n|---|---|---|---|")
+    near = abs(np.arange(linear.rows) + 0.5 - 0.5 * linear.rows) < 6
+    for row in linear.fields(1)[near][::-1]:
+        print("| {:+.1f} | {:.4f} | {:.4f} | {:+.4f} |".format(*row))
+
+
 def main() -> None:
     """Print the rates of waves of the length of the box and less."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -196,17 +269,25 @@ def main() -> None:
     parser.add_argument("--columns", type=int, default=48, help="of particles: the longest wave [spacings]")
     parser.add_argument("--rows", type=int, default=32, help="of particles, half of them in each fluid")
     parser.add_argument("--step", type=float, default=0.05, help="time step [s]")
+    parser.add_argument("--tension", type=float, default=1.0, help="[N/m]")
+    parser.add_argument("--gravity", type=float, default=0.0, help="[spacing/s^2]")
+    parser.add_argument("--fields", action="store_true", help="print what the sweeps make of the exact wave")
     parser.add_argument("--set", nargs="*", default=[], metavar="KEY=VALUE", help="further keys of numerics")
     options = parser.parse_args()
     numerics = dict(text.split("=", 1) for text in options.set)
     lower, upper = options.viscosity, options.upper_viscosity or options.viscosity
-    linear = LinearStep(options.density, (lower, upper), options.columns, options.rows, options.step, **numerics)
+    pull = {"tension": options.tension, "gravity": options.gravity}
+    linear = LinearStep(options.density, (lower, upper), options.columns, options.rows, options.step, **pull, **numerics)
+    if options.fields:
+        print_fields(linear)
+        return
     print("| spacings a wave | exact [1/s] | program [1/s] | fastest growth [1/s] |\n|---|---|---|---|")
     for waves in range(1, linear.columns // 2):
         k, rates = 2 * np.pi * waves / linear.columns, linear.rates(waves)
         fastest = rates[np.argmax(rates.real)]
         try:
-            exact = exact_rate(k, (options.density, 1.0), (options.density * lower, upper), 1.0)
+            tension = stiffness(k, (options.density, 1.0), options.tension, options.gravity)
+            exact = exact_rate(k, (options.density, 1.0), (options.density * lower, upper), tension)
             nearest = rates[np.argmin(abs(rates - exact))]
             texts = [f"{z.real:+.7f} {z.imag:+.7f}i" for z in (exact, nearest)]
         except ValueError:

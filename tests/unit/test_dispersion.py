@@ -64,3 +64,24 @@ def test_the_frequency_is_that_of_the_exact_wave():
         rates = linear.rates(waves)
         errors.append(abs(rates[np.argmin(abs(rates - exact))].imag / exact.imag - 1) / (1.5 * k) ** 2)
     assert max(errors) < 0.2
+
+
+def test_with_gravity_the_frequency_is_that_of_internal_waves():
+    g, density = 9.81, (1.2, 1.0)
+    s = dispersion.exact_rate(K, density, (1.2e-9, 1e-9), dispersion.stiffness(K, density, 0.0, g))
+    assert s.imag == pytest.approx(np.sqrt(g * K * 0.2 / 2.2), rel=1e-3)
+
+
+@pytest.mark.parametrize(("ratio", "pull", "step"), [(1.0, {}, 0.05), (3.0, {"tension": 1e-6, "gravity": 0.05}, 0.02)])
+def test_inside_the_fluids_the_sweeps_have_the_exact_wave(ratio, pull, step):
+    """Three spacings and more off the interface gradients err by less than (kh)^2/12, with weight and without.
+
+    A particle has the pressure of the exact wave at its new place, less what it has at rest.
+    """
+    linear = dispersion.LinearStep(ratio, 0.003, columns=32, rows=24, step=step, **pull)
+    fields = linear.fields(1)
+    height, along, across, divergence = fields[(abs(fields[:, 0]) > 3) & (abs(fields[:, 0]) < 8)].T
+    error = (1.5 * 2 * np.pi / 32) ** 2 / 12
+    assert len(height) == 10
+    for values, exact in ((along, 1), (across, 1), (divergence, 0)):
+        np.testing.assert_allclose(values, exact, atol=error)
