@@ -47,16 +47,18 @@ def make_viscosity(form: str, dimension: int, precision: str) -> Any:
 
 @functools.cache
 def make_series_mean(precision: str) -> Any:
-    """Return the `wp.func` series_mean(mu_i, mu_j, a_i, a_j) = (a_i + a_j)/(a_i/mu_i + a_j/mu_j) [Pa s].
+    """Return the `wp.func` series_mean(mu_i, mu_j, a_i, a_j, least) = (a_i + a_j)/(a_i/mu_i + a_j/mu_j) [Pa s].
 
-    a_i, a_j: depths of both particles below their interface, in one unit (theory: riemann#a4). With equal ones it is the
-    harmonic mean; with theirs the stress is right for a velocity that is linear on each side.
+    a_i, a_j: depths of both particles below their interface, in one unit, `least` at least: what is nearer than half a
+    spacing would be stiff (theory: riemann#a4). With equal ones it is the harmonic mean; with theirs the stress is right for
+    a velocity that is linear on each side.
     """
     real = types(2, precision).real
 
     @wp.func
-    def series_mean(mu_i: real, mu_j: real, a_i: real, a_j: real):
-        return (a_i + a_j) * mu_i * mu_j / wp.max(a_i * mu_j + a_j * mu_i, real(1.0e-30))
+    def series_mean(mu_i: real, mu_j: real, a_i: real, a_j: real, least: real):
+        b_i, b_j = wp.max(a_i, least), wp.max(a_j, least)
+        return (b_i + b_j) * mu_i * mu_j / wp.max(b_i * mu_j + b_j * mu_i, real(1.0e-30))
 
     return series_mean
 

@@ -37,8 +37,9 @@ FULL, NONE = 0.3, 0.15
 CLEAR = 0.3
 # h times the gradient of the share of other phases, of order 1 beside an interface, below which it points nowhere.
 FAINT = 1.0e-6
-# Least depth over the spacing, that of the first row on a lattice: what is nearer is disorder, and would be stiff.
-FIRST_ROW = 0.5
+# Least depth over the spacing. Rows lie half a spacing deep, and less where a flow presses them: that changes how much of a
+# way lies in each fluid, and so the pressure that weight makes. Friction counts half a spacing (`series_mean`).
+LEAST_DEPTH = 0.25
 # A curvature kappa takes BENT kappa (R^2 - a^2) off the depth that shares show: half of the mean square along an axis.
 BENT = 1.0 / 16.0
 NEWTON_STEPS = 5  # to 2e-8 of the support at 0.7 of it; what is deeper has no neighbours across that count
@@ -185,7 +186,7 @@ def make_interface_flow(spec: Spec) -> Any:
             else:
                 kappa = curvature[i]
             a += kappa * params.h * (real(wp.static(support**2)) - a * a) * real(wp.static(BENT))
-        interface_depth[i] = wp.max(a, real(FIRST_ROW) * params.spacing * params.inv_h)
+        interface_depth[i] = wp.max(a, real(LEAST_DEPTH) * params.spacing * params.inv_h)
         strength = wp.length(others)
         # what the edge of the support sees of another phase is no direction, and its reciprocal may be infinite
         if strength > real(CLEAR) * all_others and strength * (params.g_norm * params.h) > real(FAINT):

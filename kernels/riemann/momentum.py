@@ -193,6 +193,7 @@ def make_momentum(spec: Spec) -> Any:
         repulsion = vec()
         moment = mat()
         half_cell = vec(real(0.5) * params.spacing)
+        half_row = real(0.5) * params.spacing * params.inv_h  # least depth that friction counts
         lone = real(0.0)
         room = state_i[1]  # sum of (1 - r^2/R^2)^4 V, its own place included
         fluid_count = particle_count - slip.shape[0]
@@ -243,9 +244,10 @@ def make_momentum(spec: Spec) -> Any:
                         other = phases[other_phase]
                         beside = beside or f != real(0.0)
                         if wp.static(spec.unlike_viscosity):
-                            mu = series_mean(own.viscosity, other.viscosity, interface_depth[i], interface_depth[j])
+                            a_i, a_j = interface_depth[i], interface_depth[j]
+                            mu = series_mean(own.viscosity, other.viscosity, a_i, a_j, half_row)
                         elif wp.static(viscous):
-                            mu = series_mean(own.viscosity, other.viscosity, real(1.0), real(1.0))
+                            mu = series_mean(own.viscosity, other.viscosity, real(1.0), real(1.0), real(0.0))
                         jump = real(0.0)
                         if wp.static(spec.triple):
                             jump = parts_jump(tension, own_phase, other_phase, curvature, interface_weight, i, j)

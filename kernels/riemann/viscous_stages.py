@@ -83,6 +83,7 @@ def make_viscous_stage(spec: Spec, closing: bool) -> Any:
         if wp.static(periodic):
             wrapped = (int(flags[i]) & WRAPPED) != 0
         friction = vec()
+        half_row = real(0.5) * params.spacing * params.inv_h  # least depth that friction counts
         k = list_begin(i, list_width)
         step = list_step(particle_count)
         end = k + int(fluid_neighbours[i]) * step
@@ -98,9 +99,9 @@ def make_viscous_stage(spec: Spec, closing: bool) -> Any:
                     if int(phase[j]) != own_phase:
                         other = phases[int(phase[j])].viscosity
                         if wp.static(spec.unlike_viscosity):
-                            mu = series_mean(own.viscosity, other, interface_depth[i], interface_depth[j])
+                            mu = series_mean(own.viscosity, other, interface_depth[i], interface_depth[j], half_row)
                         else:
-                            mu = series_mean(own.viscosity, other, real(1.0), real(1.0))
+                            mu = series_mean(own.viscosity, other, real(1.0), real(1.0), real(0.0))
                     friction += (mu * f) * viscous_term(y - rate_now[j], d, r2 + params.tiny, params.inv_h)
         while k < end:
             j = neighbour(neighbours, i, k)
