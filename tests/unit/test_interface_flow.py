@@ -404,6 +404,20 @@ def test_depth_of_disordered_particles(device):
     assert np.abs(depth[chosen] - exact).max() < 0.35 and np.sqrt(np.mean((depth[chosen] - exact) ** 2)) < 0.2
 
 
+@pytest.mark.parametrize("pressed", [0.6, 0.8, 1.25])
+def test_depth_of_rows_that_a_flow_has_pressed(pressed, device):
+    """As in the trough of a wave, where rows are nearer than at rest: the first has its depth, not that of rest."""
+    spec = dataclasses.replace(FLAT, **UNLIKE)
+    x = lattice((16, 16), SPACING) * (1 / pressed, pressed)
+    options = dict(phase=(x[:, 1] > 0).astype(int), spacing=SPACING, device=device, width=160)
+    bench = Bench(spec, x, fluids=fluids_of(1000.0), **options)
+    bench.run(*riemann.sides(bench.spec))
+    depth = bench.get("interface_depth") * bench.h / SPACING
+    chosen = near(bench) & middle(bench, x, 0.6) & (np.abs(x[:, 1]) < pressed * SPACING)
+    assert chosen.sum() >= 8
+    np.testing.assert_allclose(depth[chosen], 0.5 * pressed, rtol=0.06)
+
+
 @pytest.mark.parametrize("radius", [4.0, 6.0])
 @pytest.mark.parametrize("spec", [FLAT, SOLID])
 def test_depth_below_a_bent_interface(spec, radius, device):
