@@ -98,14 +98,22 @@ def value_of(name: str) -> str:
     return ast.unparse(assigned(ast.parse(path.with_suffix(".py").read_text(encoding="utf-8")), attribute))
 
 
-def constants(path: Path) -> tuple[Sequence[str], str, list[Sequence[str]]]:
-    """Head, alignment and rows of the table; `path`: the record; without one no constant is measured."""
-    jobs = json.loads(path.read_text(encoding="utf-8"))["jobs"] if path.exists() else {}
+def jobs_about(entry: Constant, records: Sequence[Mapping[str, Any]]) -> Mapping[str, Any]:
+    """The jobs of the last record that has changed a constant, its runs as they are from the same record."""
+    for jobs in reversed(records):
+        if any(Job(entry.name, factor, run).key in jobs for factor in FACTORS for run in entry.runs):
+            return jobs
+    return {}
+
+
+def constants(*paths: Path) -> tuple[Sequence[str], str, list[Sequence[str]]]:
+    """Head, alignment and rows of the table; `paths`: records, the last ones asked first; none of them: not measured."""
+    records = [json.loads(path.read_text(encoding="utf-8"))["jobs"] for path in paths if path.exists()]
     usual = json.loads(NOISE.read_text(encoding="utf-8"))["runs"]
     noise = {run: {name: row["noise"] for name, row in entry["errors"].items()} for run, entry in usual.items()}
     rows = [
         (f"`{entry.name.removeprefix('warpsph.')}`", value_of(entry.name), entry.meaning, entry.kind, entry.source,
-         *(effect(entry, factor, jobs, noise) for factor in FACTORS))
+         *(effect(entry, factor, jobs_about(entry, records), noise) for factor in FACTORS))
         for entry in listed()
     ]  # fmt: skip
     return ("constant", "value", "meaning", "kind", "source", "half", "double"), "lrlllll", list(rows)

@@ -52,6 +52,7 @@ import sensitivity_table  # noqa: E402
 
 ROOT = Path(__file__).resolve().parents[1]
 BENCHMARKS = ROOT / "benchmarks"
+SENSITIVITY = (BENCHMARKS / "sensitivity.json", BENCHMARKS / "sensitivity_added.json")
 H200 = BENCHMARKS / "validation_h200"
 LEVELS = ("quick", "seed", "fine")
 OLD = "†"
@@ -444,7 +445,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "profile_h200": profile_h200,
     "benchmark_commands": benchmark_tables.commands,
     **{name: lambda make=make: cells_or_none(*make()) for name, make in benchmark_tables.tables().items()},
-    "constants": lambda: table(*sensitivity_table.constants(BENCHMARKS / "sensitivity.json")),
+    "constants": lambda: table(*sensitivity_table.constants(*SENSITIVITY)),
 }
 
 
