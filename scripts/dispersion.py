@@ -276,6 +276,8 @@ def main() -> None:
     options = parser.parse_args()
     numerics = dict(text.split("=", 1) for text in options.set)
     lower, upper = options.viscosity, options.upper_viscosity or options.viscosity
+    if not stiffness(1.0, (options.density, 1.0), options.tension, options.gravity):
+        parser.error("nothing pulls the wave back: --tension or --gravity, this with --density, has to be other than 0")
     pull = {"tension": options.tension, "gravity": options.gravity}
     linear = LinearStep(options.density, (lower, upper), options.columns, options.rows, options.step, **pull, **numerics)
     if options.fields:

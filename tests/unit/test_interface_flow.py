@@ -406,7 +406,10 @@ def test_depth_of_disordered_particles(device):
 
 @pytest.mark.parametrize("pressed", [0.6, 0.8, 1.25])
 def test_depth_of_rows_that_a_flow_has_pressed(pressed, device):
-    """As in the trough of a wave, where rows are nearer than at rest: the first has its depth, not that of rest."""
+    """As in the trough of a wave, where rows are nearer than at rest: the first has its depth, not that of rest.
+
+    Sums over rows are off by p^2/4 over R^2 - a^2 of it (midpoint rule), p the distance of rows: 4.5 % at 1.25, the most.
+    """
     spec = dataclasses.replace(FLAT, **UNLIKE)
     x = lattice((16, 16), SPACING) * (1 / pressed, pressed)
     options = dict(phase=(x[:, 1] > 0).astype(int), spacing=SPACING, device=device, width=160)
