@@ -575,7 +575,7 @@ def make_band(spec: Spec) -> tuple[Any, Any]:
     The compact list is for CPU devices; on a GPU a thread outside the band costs less than gathering.
     """
     real, vec, _, _ = types_of(spec)
-    tension = spec.tension != "none"
+    has_curvature = spec.curved
     curved = curvature_type(spec)
     phased, _ = phase_types(spec.dimension, spec.precision)
     list_begin, list_step, neighbour, Listed = list_access(spec)
@@ -618,7 +618,7 @@ def make_band(spec: Spec) -> tuple[Any, Any]:
             fraction[i] = real(1.0)
             normal[i] = vec()
             interface_weight[i] = curved(real(0.0))
-            if wp.static(tension):
+            if wp.static(has_curvature):
                 curvature[i] = curved(real(0.0))
             if wp.static(spec.triple):
                 alone = phased()

@@ -41,7 +41,7 @@ class Spec:
         tension: "none", "pressure_jump" or "body_force".
         triple: three phases with tensions between them, whose interfaces may meet.
         contact_angle: interfaces meet walls at given angles.
-        interface: interface normals are evaluated: with tension in every step, else where a gauge asks for them.
+        interface: interface normals are evaluated: in every step where `curved`, else where a gauge asks for them.
         corrected: corrected ("minus") pressure gradient instead of the conservative ("plus") one.
         paper_star: arithmetic star states of the printed scheme at interfaces.
         printed: the sweeps as the paper prints them, with nothing else (riemann, isph).
@@ -156,6 +156,12 @@ class Spec:
     def viscous_jump(self) -> bool:
         """Friction between fluids lacks a part of the stress, which the Morris form does not have in its pairs (riemann)."""
         return self.unlike_viscosity and self.viscosity == "morris"
+
+    @property
+    def curved(self) -> bool:
+        """The curvature of interfaces is known: tension takes it, and so do depths where pressures have a kink (riemann)."""
+        kinked = self.multiphase and self.corrected and not self.paper_star
+        return self.tension != "none" or (self.interface and kinked)
 
 
 def pair_sweep(spec: Spec, blocks: int = 4) -> dict[str, Any]:

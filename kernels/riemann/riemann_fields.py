@@ -12,12 +12,12 @@ def _band_list(spec: Spec) -> bool:
     return spec.interface and spec.row_list
 
 
-def _tension(spec: Spec) -> bool:
-    return spec.tension != "none"
+def _curved(spec: Spec) -> bool:
+    return spec.curved
 
 
-def _jump(spec: Spec) -> bool:
-    return spec.tension == "pressure_jump"
+def _evened(spec: Spec) -> bool:
+    return spec.curved and spec.tension != "body_force"
 
 
 def _triple(spec: Spec) -> bool:
@@ -73,8 +73,8 @@ RIEMANN_FIELDS: tuple[Field, ...] = (
     Field("contact_cosine", "real", "fluid", False, _contact, "-", "of the contact angle of its own phase"),
     Field("normal", "vec", "fluid", True, _interface, "1/m", "gradient of the own phase's share"),
     Field("interface_weight", "curved", "fluid", True, _interface, "-", "(|normal| h)^2, zero away from interfaces"),
-    Field("curvature", "curved", "fluid", True, _tension, "1/m", "of the interface, positive if the own phase is convex"),
-    Field("mean_curvature", "curved", "fluid", False, _jump, "1/m", "the same on both sides of an interface"),
+    Field("curvature", "curved", "fluid", True, _curved, "1/m", "of the interface, positive if the own phase is convex"),
+    Field("mean_curvature", "curved", "fluid", False, _evened, "1/m", "the same on both sides of an interface"),
     Field("share", "phased", "fluid", False, _triple, "-", "shares of the phases around a particle"),
     Field("phase_normal", "normals", "fluid", False, _triple, "1/m", "gradients of these shares"),
     Field("band_mark", "int32", "fluid", False, _band_list, "-", "1 in the interface band"),

@@ -178,6 +178,7 @@ def derive(case: Case, geometry: Geometry, row_list: bool = True) -> Physics:
         and geometry.wall_count > 0
         and any(pair.contact_angle is not None and pair.coefficient > 0 for pair in case.surface_tension)
     )
+    kinked = corrected and star != "arithmetic"  # pressures between fluids go by depths, and these by the curvature
     spec = Spec(
         dimension=case.dimension,
         precision=case.precision,
@@ -195,7 +196,7 @@ def derive(case: Case, geometry: Geometry, row_list: bool = True) -> Physics:
         triple=tension_form == "pressure_jump" and not paper and not angles and has_triple_points(tension),
         contact_angle=angles,
         interface=len(phases) > 1
-        and (has_tension or any(gauge.type == "interface_length" for gauge in case.gauges.values())),
+        and (has_tension or kinked or any(gauge.type == "interface_length" for gauge in case.gauges.values())),
         corrected=corrected,
         paper_star=star == "arithmetic" and len(phases) > 1,
         printed=paper,

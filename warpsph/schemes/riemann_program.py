@@ -42,7 +42,7 @@ from warpsph.schemes.wall_stages import bodies, moving_sides, signals, surface_l
 def program(spec: Spec) -> Program:
     """Return what runs for a `Spec`."""
     measures: dict[str, list[Node]] = {"interface": [], **exponents(spec)}
-    if spec.interface and spec.tension == "none":
+    if spec.interface and not spec.curved:
         measures["interface"] = [*geometry(spec)]
     if spec.walls:
         measures["wall_load"] = [*signals(spec), *wall_load(spec)]
@@ -61,7 +61,7 @@ def step(spec: Spec) -> list[Node]:
     """Return the nodes of one time step, in order."""
     if spec.printed:
         return printed_step(spec)
-    rare = [*constraints(spec), *tension(spec)]
+    rare = [*constraints(spec), *curvature(spec)]
     return [
         *signals(spec),
         *moving_sides(spec),
@@ -95,7 +95,7 @@ def printed_step(spec: Spec) -> list[Node]:
         Stage("kick_drift", make_kick_drift(spec), "fluid", "moves the particles"),
         Stage("continuity", make_printed_continuity(spec), "fluid", "density and pressure, eq (13)"),
         *walls(spec),
-        *tension(spec),
+        *curvature(spec),
         Stage("momentum", make_printed_momentum(spec), "fluid", "acceleration, eq (27)"),
         advance(spec),
         KeepList(),
@@ -131,7 +131,7 @@ def start(spec: Spec) -> list[Node]:
         *open_flow(spec, beginning=1),
         *sides(spec),
         *walls(spec, across=spec.wall_sound),
-        *tension(spec),
+        *curvature(spec),
         *buffer_gradient(spec, spec.bodies and spec.corrected),
         Stage("momentum", momentum(spec), "fluid", "first acceleration"),
         *viscous_stages(spec),
@@ -162,7 +162,7 @@ def advance(spec: Spec) -> Stage:
 
 
 def geometry(spec: Spec) -> list[Stage]:
-    """Return the stages that a gauge of the interface needs where no tension runs them in every step."""
+    """Return the stages that a gauge of the interface needs where no curvature runs them in every step."""
     return [
         Stage("own_fraction", make_fraction(spec), "band", "colour for the interface gauge"),
         Stage("colour_normal", make_normal(spec), "band", "normals for the interface gauge"),
@@ -189,9 +189,9 @@ def sides(spec: Spec) -> list[Stage]:
     return stages
 
 
-def tension(spec: Spec) -> list[Stage]:
+def curvature(spec: Spec) -> list[Stage]:
     """Return the stages that find the curvature of the interfaces."""
-    if spec.tension == "none":
+    if not spec.curved:
         return []
     if spec.printed:
         return [
@@ -202,13 +202,13 @@ def tension(spec: Spec) -> list[Stage]:
     if spec.triple:
         return three_phases(spec)
     stages = [
-        Stage("own_fraction", make_fraction(spec), "band", "colour for the surface tension"),
+        Stage("own_fraction", make_fraction(spec), "band", "colour for the curvature"),
         Stage("colour_normal", make_normal(spec), "band", "interface normals"),
     ]
     if spec.contact_angle:
         stages.append(Stage("contact_normal", make_contact(spec), "band", "contact angle: normals next to walls"))
     stages.append(Stage("curvature", make_curvature(spec), "band", "curvature of the interfaces"))
-    if spec.tension == "pressure_jump":
+    if spec.tension != "body_force":
         text = "curvature the same on both sides of an interface"
         stages.append(Stage("mean_curvature", make_evened(spec, False), "band", text))
         stages.append(Stage("sharp_curvature", make_evened(spec, True), "band", "what the means have smoothed is put back"))
@@ -235,8 +235,9 @@ def absent(spec: Spec) -> list[Absent]:
         rows.append(Absent("wall friction", "no viscosity, or all walls are free-slip"))
     if not spec.multiphase:
         rows.append(Absent("interface_flow, interface pairs", "a single phase"))
-    if spec.tension == "none":
-        rows.append(Absent("own_fraction, colour_normal, curvature, mean_curvature, sharp_curvature", "no surface tension"))
+    if not spec.curved:
+        why = "neither surface tension, nor fluids whose pressures meet at a kink"
+        rows.append(Absent("own_fraction, colour_normal, curvature, mean_curvature, sharp_curvature", why))
     if not spec.contact_angle:
         rows.append(Absent("contact_normal", "no contact_angle in surface_tension: walls take no part in the interfaces"))
     if spec.viscosity == "none":
