@@ -39,6 +39,7 @@ class Spec:
         viscous_stages: stages of friction in a step, 1 where it is explicit (riemann).
         unlike_viscosity: phases differ in viscosity, so that friction between them asks for depths (riemann).
         tension: "none", "pressure_jump" or "body_force".
+        kinked: weights bend the pressure between fluids by their depths, and these by the curvature (riemann).
         triple: three phases with tensions between them, whose interfaces may meet.
         contact_angle: interfaces meet walls at given angles.
         interface: interface normals are evaluated: in every step where `curved`, else where a gauge asks for them.
@@ -103,6 +104,7 @@ class Spec:
     viscous_stages: int = 1
     unlike_viscosity: bool = False
     tension: str = "none"
+    kinked: bool = False
     triple: bool = False
     contact_angle: bool = False
     interface: bool = False
@@ -159,9 +161,8 @@ class Spec:
 
     @property
     def curved(self) -> bool:
-        """The curvature of interfaces is known: tension takes it, and so do depths where pressures have a kink (riemann)."""
-        kinked = self.multiphase and self.corrected and not self.paper_star
-        return self.tension != "none" or (self.interface and kinked)
+        """The curvature of interfaces is known: tension takes it, and so do depths where weights make a kink (riemann)."""
+        return self.tension != "none" or self.kinked
 
 
 def pair_sweep(spec: Spec, blocks: int = 4) -> dict[str, Any]:

@@ -17,7 +17,7 @@ Where on the way between two particles the interface lies follows from the depth
 with n = 3, 5/2, 2 in 1 to 3 dimensions, which make the integral w1 of w over planes the same polynomial, and R the support.
 A bent interface is kappa s^2/2 off its plane at a distance s along it, and the mean of s^2 along each axis of the plane at
 the depth a is (R^2 - a^2)/8: the others have the share of a plane that is kappa (R^2 - a^2)/16 nearer. The curvature is
-known with tension and with the corrected gradient (`Spec.curved`); else interfaces count as plane.
+known with tension and where weights differ (`Spec.curved`); else interfaces count as plane.
 """
 
 import functools

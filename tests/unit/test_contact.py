@@ -87,7 +87,7 @@ def test_how_far_computed_normals_lean_at_a_wall(angle, first, second, device):
     leaning = []
     for seed in range(6):
         bench, x = edge(90, interface=angle, seed=seed, device=device)
-        bench.run(*(stage for stage in riemann.tension(bench.spec) if stage.name in ("own_fraction", "colour_normal")))
+        bench.run(*(stage for stage in riemann.curvature(bench.spec) if stage.name in ("own_fraction", "colour_normal")))
         cosine, strong = outward(bench)[:, 1], bench.get("interface_weight") > 0.05
         rows = [strong & (x[:, 1] > row) & (x[:, 1] < row + 1) for row in range(2)]
         leaning.append([np.degrees(np.arccos(np.nanmean(cosine[row]))) - angle for row in rows])
@@ -135,7 +135,7 @@ def edge(angle, interface=90, spec=SPEC, jitter=0.1, seed=1, **options):
     phase = (x[:, 0] * normal[0] + x[:, 1] * normal[1] > 0).astype(int)
     options = {"phase": phase, "fluids": (Fluid(), Fluid()), "cosines": cosines_of(angle), **options}
     bench = Bench(spec, x, spacing=1.0, walls=walls, **options)
-    bench.run(*riemann.tension(bench.spec))
+    bench.run(*riemann.curvature(bench.spec))
     return bench, x
 
 
@@ -234,7 +234,7 @@ def test_each_pair_has_its_own_angle(device):
     walls = np.stack(np.meshgrid(np.arange(40) + 0.5, -np.arange(LAYERS) - 0.5), axis=-1).reshape(-1, 2)
     fluids = (Fluid(), Fluid(), Fluid())
     bench = Bench(SPEC, x, spacing=1.0, phase=phase, fluids=fluids, walls=walls, cosines=cosines, device=device)
-    bench.run(*riemann.tension(bench.spec))
+    bench.run(*riemann.curvature(bench.spec))
     normal, weight = bench.get("normal"), bench.get("interface_weight")
     first = (x[:, 1] < 1) & (weight > 0.05)
     for place, left, angle in ((14, 0, 40), (27, 1, 120)):

@@ -145,7 +145,7 @@ def test_normals_of_a_linear_fraction_are_exact(dimension, device):
     slope = np.array([0.02, -0.01, 0.015])[:dimension]
     first = 0.5 + x @ slope  # that of phase 0; phase 1 has the rest
     bench.put("fraction", np.where(inside, first, 1 - first))
-    bench.run(*(stage for stage in riemann.tension(bench.spec) if stage.name == "colour_normal"))
+    bench.run(*(stage for stage in riemann.curvature(bench.spec) if stage.name == "colour_normal"))
     near = np.abs(r - 7.0) < 1.0
     assert near.sum() > 40
     np.testing.assert_allclose(bench.get("normal")[near], np.where(inside, 1, -1)[near, None] * slope, atol=1e-12)
@@ -231,7 +231,7 @@ def evened(bench, x, values):
 def test_curvature_is_evened_across_the_interface(device):
     """Both means against their definition, with any curvature; one that is the same all along the interface stays."""
     bench, x, _ = drop(9.0, device=device)
-    stages = [stage for stage in riemann.tension(bench.spec) if stage.name in ("mean_curvature", "sharp_curvature")]
+    stages = [stage for stage in riemann.curvature(bench.spec) if stage.name in ("mean_curvature", "sharp_curvature")]
     side = np.where(bench.get("phase") == 0, 1.0, -1.0)
     random = np.random.default_rng(3).normal(0.0, 0.1, len(x))
     bench.put("curvature", random)
@@ -252,7 +252,7 @@ def test_curvature_in_a_narrow_band(device):
     ring = np.abs(r - 20) < 1.2
     bench.put("normal", np.where(inside, -1.0, 1.0)[:, None] * x / r[:, None])
     bench.put("interface_weight", ring.astype(float))
-    bench.run(*(stage for stage in riemann.tension(bench.spec) if "curvature" in stage.name))
+    bench.run(*(stage for stage in riemann.curvature(bench.spec) if "curvature" in stage.name))
     outward = np.where(inside, 1, -1) * bench.get("curvature")
     np.testing.assert_allclose(outward[ring], 1 / r[ring], rtol=0.08)
     assert (outward[~ring] == 0).all()

@@ -121,6 +121,19 @@ def test_leanest_against_fullest(kernels):
         (
             "tension",
             {"surface_tension": []},
+            ["sound of tension"],
+            ["sound of tension"],
+        ),
+        (
+            # the curvature is for the tension, and for depths where weights differ
+            "tension and weight",
+            {"surface_tension": [], "gravity": [0, 0]},
+            ["tension", "sound of tension", "interface band"],
+            ["sound of tension", "tension"],
+        ),
+        (
+            "tension and densities",
+            {"surface_tension": [], "phases.gas.density": 100},
             ["tension", "sound of tension", "interface band"],
             ["sound of tension", "tension"],
         ),

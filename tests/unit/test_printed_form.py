@@ -199,7 +199,7 @@ def test_continuity_sweep_is_equation_13(scene):
 
 def test_momentum_sweep_is_equation_27(scene):
     bench, direct = scene
-    bench.run(*riemann.tension(bench.spec))
+    bench.run(*riemann.curvature(bench.spec))
     expected = direct.acceleration()
     np.testing.assert_allclose(bench.acceleration(), expected, rtol=1e-9, atol=1e-11 * np.abs(expected).max())
 
@@ -207,7 +207,7 @@ def test_momentum_sweep_is_equation_27(scene):
 def test_wall_load_is_what_the_fluid_loses_there(scene):
     """Sum of the loads against the momentum that the fluid has of its walls: the same sweep without them."""
     bench, direct = scene
-    bench.run(*riemann.tension(bench.spec))
+    bench.run(*riemann.curvature(bench.spec))
     mass = direct.rho * direct.volume
     whole = bench.acceleration()
     alone = Direct.acceleration(_without_walls(direct))
@@ -254,7 +254,7 @@ def test_tension_pulls_a_drop_together(inside):
     phase = np.where(np.hypot(*x.T) < 0.8, inside, 1 - inside)
     light = (Fluid(density=1.0), Fluid(density=1.0))
     bench = Bench(spec, x, spacing=SPACING, ratio=RATIO, fluids=light, phase=phase, tension=SIGMA, width=96)
-    bench.run(*riemann.tension(spec))
+    bench.run(*riemann.curvature(spec))
     force = SPACING**2 * bench.acceleration()
     radius = np.hypot(*x.T)
     inwards = -(force * x).sum(axis=1) / radius

@@ -178,7 +178,8 @@ def derive(case: Case, geometry: Geometry, row_list: bool = True) -> Physics:
         and geometry.wall_count > 0
         and any(pair.contact_angle is not None and pair.coefficient > 0 for pair in case.surface_tension)
     )
-    kinked = corrected and star != "arithmetic"  # pressures between fluids go by depths, and these by the curvature
+    weighed = bool(np.any(forcing.hydrostatic() != 0)) or bool(forcing.tracks) or case.central_force is not None
+    kinked = corrected and star != "arithmetic" and weighed and len({phase.density for phase in phases}) > 1
     spec = Spec(
         dimension=case.dimension,
         precision=case.precision,
@@ -193,6 +194,7 @@ def derive(case: Case, geometry: Geometry, row_list: bool = True) -> Physics:
         viscosity=str(form) if viscous else "none",
         unlike_viscosity=viscous and star != "arithmetic" and len({phase.viscosity for phase in phases}) > 1,
         tension=str(tension_form) if has_tension else "none",
+        kinked=kinked,
         triple=tension_form == "pressure_jump" and not paper and not angles and has_triple_points(tension),
         contact_angle=angles,
         interface=len(phases) > 1

@@ -236,7 +236,7 @@ def absent(spec: Spec) -> list[Absent]:
     if not spec.multiphase:
         rows.append(Absent("interface_flow, interface pairs", "a single phase"))
     if not spec.curved:
-        why = "neither surface tension, nor fluids whose pressures meet at a kink"
+        why = "neither surface tension, nor weights that differ"
         rows.append(Absent("own_fraction, colour_normal, curvature, mean_curvature, sharp_curvature", why))
     if not spec.contact_angle:
         rows.append(Absent("contact_normal", "no contact_angle in surface_tension: walls take no part in the interfaces"))
