@@ -214,3 +214,44 @@ def test_a_channel_of_one_fluid_may_be_narrow():
     narrow = {"lower": [0, 0], "upper": [1, 0.1], "boundary": {"x": "periodic", "y": "wall"}}
     one = {"phases": {"a": {"density": 1}}, "fluids": [{"phase": "a", "shape": "rest"}], "surface_tension": []}
     assert not told(case_of({**LAYERS, **one, "domain": narrow}), "fluids")
+
+
+# drops on walls ----------------------------------------------------------------------------------------------
+
+
+def drop_on_floor(rows, angle=60.0, height=0.0, boundary="wall"):
+    """Half a disc of so many rows on the floor of a tank of 40 x 20 cells, or a whole one at `height` spacings."""
+    tension = {"between": ["water", "air"], "coefficient": 0.07}
+    return case_of(
+        {
+            "dimension": 2,
+            "particle_spacing": 1 / 40,
+            "end_time": 0.1,
+            "domain": {"lower": [0, 0], "upper": [1, 0.5], "boundary": {"x": "wall", "y": boundary}},
+            "phases": {"water": {"density": 1000}, "air": {"density": 1.2}},
+            "surface_tension": [tension if angle is None else {**tension, "contact_angle": angle}],
+            "fluids": [
+                {"phase": "water", "shape": {"sphere": {"center": [0.5, height / 40], "radius": rows / 40}}},
+                {"phase": "air", "shape": "rest"},
+            ],
+            "output": {"particles": "none", "checkpoint": "none"},
+        }
+    )
+
+
+@pytest.mark.parametrize("rows", [4, 5])
+def test_a_low_drop_on_a_wall_is_told(rows):
+    (line,) = told(drop_on_floor(rows), "fluids.0.shape")
+    assert f"water lies {rows} rows" in line and "contact_angle" in line and f"to {rows / 240:.2g}" in line
+
+
+def test_drops_that_an_angle_can_hold_are_fine():
+    """High enough, without an angle, away from the wall, on a side that is none."""
+    fine = [drop_on_floor(6), drop_on_floor(5, angle=None), drop_on_floor(5, height=10)]
+    fine.append(drop_on_floor(5, boundary="periodic"))
+    assert not [line for case in fine for line in told(case, "fluids.0.shape")]
+
+
+def test_a_layer_over_the_whole_floor_is_no_drop():
+    case = drop_on_floor(5).replace({"fluids.0.shape": {"box": {"lower": [0, 0], "upper": [1, 5 / 40]}}})
+    assert not told(case, "fluids.0.shape")

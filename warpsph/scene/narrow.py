@@ -6,6 +6,9 @@ half or more have fluid at both ends of an empty run that is shorter than that. 
 below a roof is none.
 
 A *thin layer* is a piece of connected cells of one phase, beside another phase, in which no such cube has room.
+
+A *low drop* is a piece of one phase that lies against a wall which it meets at a given angle, fewer rows high than the angle
+takes to act, and does not cover the wall: it is drawn out to a film (docs/limits.md).
 """
 
 from __future__ import annotations
@@ -16,6 +19,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from warpsph.case.domain import AXES
 from warpsph.scene.lattice import Lattice, cell_text
 
 if TYPE_CHECKING:
@@ -26,6 +30,7 @@ if TYPE_CHECKING:
     Mask = NDArray[np.bool_]
 
 SHARE = 0.5  # of the cells of a gap that lie between fluids; its corners and ends do not
+LOW = 6  # rows that a drop on a wall is high at least: with 4 and 5 it becomes a film, with 6 it is 2 % off
 
 
 def narrow_places(
@@ -45,6 +50,7 @@ def narrow_places(
     lines = list(_gaps(case, lattice, region, empty, rows))
     if len(case.phases) > 1:
         lines += _thin_layers(case, lattice, region, phases[region], rows)
+        lines += _low_drops(case, lattice, region, phases[region], rows)
     return lines
 
 
@@ -111,6 +117,51 @@ def _thin_layers(
                 f"particles), fewer than the {rows} that the smoothing kernel reaches, so that its two sides are not told "
                 f"apart; lower particle_spacing to {case.spacing * most / rows:.2g}, or make it thicker"
             )
+
+
+def _low_drops(
+    case: Case, lattice: Lattice, region: NDArray[np.int32], phase: NDArray[np.int32], rows: int
+) -> Iterator[str]:
+    """Say which entries of `fluids` lie on a wall at an angle and are too low for it; thin layers are told already."""
+    from scipy.ndimage import find_objects
+
+    pairs = [pair.between for pair in case.surface_tension if pair.coefficient > 0 and pair.contact_angle is not None]
+    told: set[int] = set()
+    for k, name in enumerate(case.phase_names):
+        if not any(name in pair for pair in pairs):
+            continue
+        piece = _pieces(phase == k, case.periodic)
+        for number, box in enumerate(find_objects(piece), start=1):
+            height = LOW if box is None else _height_on_wall(case, box, phase.shape)
+            if not rows <= height < LOW:
+                continue
+            first = np.argwhere(piece[box] == number)[0] + [part.start for part in box]
+            entry = int(region[tuple(first)])
+            if entry in told:
+                continue
+            told.add(entry)
+            yield (
+                f"fluids.{entry}.shape: {name} lies {height} rows of particles high on a wall that it meets at a "
+                f"contact_angle, at {cell_text(lattice.axes(domain_only=True), first)}; drops of fewer than {LOW} rows "
+                f"are drawn out to films: lower particle_spacing to {case.spacing * height / LOW:.2g}, or make it higher"
+            )
+
+
+def _height_on_wall(case: Case, box: tuple[slice, ...], shape: tuple[int, ...]) -> int:
+    """Return the rows that the box of a piece of cells is high on the wall that it touches, LOW where that is no matter.
+
+    Where it reaches from one side of the domain to the other along the wall it is a layer and no drop.
+    """
+    at_lower = [part.start == 0 for part in box]
+    at_upper = [part.stop == cells for part, cells in zip(box, shape, strict=True)]
+    height = LOW
+    for axis, part in enumerate(box):
+        sides = getattr(case.domain.boundary, AXES[axis])
+        touched = (at_lower[axis] and sides.lower.kind == "wall") or (at_upper[axis] and sides.upper.kind == "wall")
+        covers = any(at_lower[other] and at_upper[other] for other in range(len(box)) if other != axis)
+        if touched and not covers:
+            height = min(height, part.stop - part.start)
+    return height
 
 
 def _thin_pieces(phase: NDArray[np.int32], k: int, rows: int, periodic: tuple[bool, ...]) -> Iterator[Mask]:
