@@ -51,7 +51,7 @@ class Spec:
         central_force: an acceleration -B^2 (x - center) acts.
         shifting: particles are shifted towards an even arrangement.
         volume_constraint: the mean pressure follows from the volume of a closed domain.
-        momentum_constraint: the total momentum of a periodic box is kept.
+        momentum_constraint: the total momentum is kept along `momentum_axes`, periodic ones on which nothing pushes.
         room: the density is held to the room that the particles take.
         interface_force: pair force that keeps phases apart.
         dissipation: the pressure difference enters the star velocity.
@@ -117,6 +117,7 @@ class Spec:
     shifting: bool = False
     volume_constraint: bool = False
     momentum_constraint: bool = False
+    momentum_axes: tuple[int, ...] = (0, 1, 2)
     room: bool = False
     interface_force: bool = False
     dissipation: bool = True

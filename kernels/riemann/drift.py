@@ -1,10 +1,10 @@
-"""Drift of the total momentum in a periodic box, taken out (no source equation).
+"""Drift of the total momentum along periodic axes, taken out (no source equation).
 
-The corrected gradient and the pressure jump conserve momentum on the whole, not pair by pair; without walls nothing else
-fixes the velocity of the box, and what is left would add up:
+The corrected gradient and the pressure jump conserve momentum on the whole, not pair by pair; where no wall takes it nothing
+else fixes the mean velocity, and what is left would add up:
     dv = (P - sum m v) / sum m,   P = P_0 + M (g + b) t
-is added to every particle; where g or b depends on time (g + b) t is their integral. A shift of all velocities changes no
-difference between two of them.
+is added to every particle along the axes of `Spec.momentum_axes`; where g or b depends on time (g + b) t is their integral.
+A shift of all velocities changes no difference between two of them.
 """
 
 import functools
@@ -31,6 +31,7 @@ def make_drift(spec: Spec) -> tuple[Any, Any, Any]:
     Params = make_params(spec.dimension, spec.precision)
     Phase = make_phase(spec.precision)
     dimension = spec.dimension
+    kept = wp.vec3d(*(1.0 if axis in spec.momentum_axes else 0.0 for axis in range(3)))
     with_volume = spec.volume_constraint
     volume_of, close_volume = make_volume_parts(spec)
     fold_volume, fold_momentum_sums = make_fold(wp.vec2d), make_fold(wp.vec4d)
@@ -102,12 +103,14 @@ def make_drift(spec: Spec) -> tuple[Any, Any, Any]:
             total += momentum_folds[fold]
         # the velocities are those of the middle of the step
         time = clock[TIME] + wp.float64(0.5) * clock[STEP]
+        held = wp.static(kept)
         for axis in range(wp.static(dimension)):
             if wp.static(spec.varying_force):
-                clock[DRIFT_VELOCITY + axis] = clock[MOMENTUM + axis] + impulse[axis] - total[axis] / total[3]
+                drift = clock[MOMENTUM + axis] + impulse[axis] - total[axis] / total[3]
             else:
                 drive = wp.float64(params.gravity[axis]) + wp.float64(params.body_force[axis])
-                clock[DRIFT_VELOCITY + axis] = clock[MOMENTUM + axis] + drive * time - total[axis] / total[3]
+                drift = clock[MOMENTUM + axis] + drive * time - total[axis] / total[3]
+            clock[DRIFT_VELOCITY + axis] = held[axis] * drift
         if wp.static(with_volume):
             close_volume(clock, volume_folds)
 

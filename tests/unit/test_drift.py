@@ -52,7 +52,8 @@ def masses(model):
 
 def momentum(model):
     """Return (sum m v, sum m |v|) of the velocities half a step behind the positions."""
-    mass, v = masses(model), model.particles.get("velocity").astype(float)
+    mass = masses(model)
+    v = model.particles.get("velocity").astype(float)[: len(mass)]  # without walls
     return mass @ v, mass @ np.linalg.norm(v, axis=1)
 
 
@@ -98,6 +99,34 @@ def test_momentum_is_kept(changes, share, device):
     # nothing adds up: the last error is no larger than what a few steps leave
     steps = np.abs(np.diff(errors[200:], axis=0)).max()
     assert np.abs(errors[200:]).max() < ck.RARE_INTERVAL * steps
+
+
+@pytest.mark.parametrize("drive", [0.0, 0.5])
+def test_between_smooth_walls_the_momentum_along_them_is_kept(drive, device):
+    """Across them it is theirs: the drop begins off the middle, and what pushes it there is left alone."""
+    changes = {"domain.boundary": {"x": "periodic", "y": "free_slip"}, "body_force": [drive, 0.0]}
+    model = prepared(changes, device)
+    assert model.physics.spec.momentum_axes == (0,)
+    across = []
+    for _ in range(60):
+        model.stepper.run(100.0, 1)
+        across.append(model.stepper.read()[0][ck.DRIFT_VELOCITY + 1])
+    assert not np.any(across)
+    errors, scales = follow_along(model, 0, 240)
+    assert np.abs(errors[100:]).max() < 5e-5 * scales.max()
+
+
+def follow_along(model, axis, steps):
+    """Run steps one by one; return (how far the momentum along an axis is from what it must be, sum m |v|), (steps,)."""
+    total, drive = masses(model).sum(), model.case.body_force[axis]
+    errors, scales = [], []
+    for _ in range(steps):
+        model.stepper.run(100.0, 1)
+        clock, _ = model.stepper.read()
+        found, scale = momentum(model)
+        errors.append(found[axis] - total * drive * (clock[ck.TIME] - 0.5 * clock[ck.LAST_STEP]))
+        scales.append(scale)
+    return np.array(errors), np.array(scales)
 
 
 def test_without_the_stage_it_drifts(device, monkeypatch):
@@ -240,6 +269,7 @@ def test_threads_do_not_change_it(monkeypatch):
 
 
 WALLS = {"x": "periodic", "y": "wall"}
+SMOOTH = {"x": "periodic", "y": "free_slip"}
 OPEN = {"x": "periodic", "y": "open"}
 PIN = {"pin": {"shape": {"sphere": {"center": [0.5, 0.5], "radius": 0.2}}}}
 
@@ -249,6 +279,8 @@ PIN = {"pin": {"shape": {"sphere": {"center": [0.5, 0.5], "radius": 0.2}}}}
     [
         (BOX, {}, True),
         (PERIODIC, {}, True),
+        (BOX, {"domain.boundary": SMOOTH}, True),
+        (BOX, {"domain.boundary": SMOOTH, "surface_tension.0.contact_angle": 60}, False),
         (BOX, {"domain.boundary": WALLS}, False),
         (BOX, {"domain.boundary": OPEN}, False),
         (BOX, {"domain.boundary": OPEN, "numerics.pressure_gradient": "corrected"}, False),
@@ -258,8 +290,8 @@ PIN = {"pin": {"shape": {"sphere": {"center": [0.5, 0.5], "radius": 0.2}}}}
         (FULL, {}, False),
     ],
 )
-def test_only_a_periodic_box_without_walls_has_it(scene, changes, kept):
-    """Walls take momentum, and the conservative gradient keeps it by itself; `show` says so."""
+def test_only_periodic_axes_along_which_nothing_pushes_have_it(scene, changes, kept):
+    """Friction on walls, bodies and contact lines take momentum, the conservative gradient keeps it; `show` says so."""
     plan = describe(case_of(scene).replace(changes))
     assert plan["structure"]["momentum_constraint"] is kept
     stages = [stage["name"] for stage in plan["stages"] if stage["name"].startswith("drift")]

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
+from warpsph.case.domain import AXES
 from warpsph.errors import CaseError, Problem
 from warpsph.kernels.core.smoothing import KERNELS
 from warpsph.kernels.core.spec import Spec
@@ -178,6 +179,7 @@ def derive(case: Case, geometry: Geometry, row_list: bool = True) -> Physics:
         and geometry.wall_count > 0
         and any(pair.contact_angle is not None and pair.coefficient > 0 for pair in case.surface_tension)
     )
+    axes = momentum_axes(case, geometry, viscous, angles) if corrected else ()
     weighed = bool(np.any(forcing.hydrostatic() != 0)) or bool(forcing.tracks) or case.central_force is not None
     kinked = corrected and star != "arithmetic" and weighed and len({phase.density for phase in phases}) > 1
     spec = Spec(
@@ -211,7 +213,8 @@ def derive(case: Case, geometry: Geometry, row_list: bool = True) -> Physics:
         shifting=float(shifting) > 0,
         volume_constraint=bool(constraint),
         room=held and float(room) > 0,
-        momentum_constraint=corrected and all(case.periodic) and geometry.wall_count == 0,
+        momentum_constraint=bool(axes),
+        momentum_axes=axes,
         interface_force=float(zeta) > 0 and len(phases) > 1,
         dissipation=float(dissipation) > 0,
         acoustic_damping=float(damping) > 0,
@@ -321,6 +324,20 @@ def viscosity_is_enough(case: Case, sound: Sequence[float], h: float) -> bool:
         DISORDER * fastest * c * h <= AS_VISCOUS * phase.viscosity / phase.density
         for c, phase in zip(sound, phases, strict=True)
     )
+
+
+def momentum_axes(case: Case, geometry: Geometry, viscous: bool, angles: bool) -> tuple[int, ...]:
+    """Return the periodic axes along which nothing but gravity and body forces pushes the fluid as a whole.
+
+    Walls push along none of them if they are sides of the domain without friction: no bodies, no lines of contact.
+    """
+    sticky = viscous and bool((geometry.wall_slip[geometry.kind == 1] == 0).any())
+    if case.bodies or case.has_flow_through or case.central_force is not None or angles or sticky:
+        return ()
+    sides = [getattr(case.domain.boundary, name) for name in AXES[: case.dimension]]
+    if any(side.kind == "open" for both in sides for side in (both.lower, both.upper)):
+        return ()
+    return tuple(axis for axis, periodic in enumerate(case.periodic) if periodic)
 
 
 def has_triple_points(tension: np.ndarray) -> bool:

@@ -103,14 +103,14 @@ def printed_step(spec: Spec) -> list[Node]:
 
 
 def constraints(spec: Spec) -> list[Stage]:
-    """Return the stages that hold the volume of a closed domain and the momentum of a periodic one."""
+    """Return the stages that hold the volume of a closed domain and the momentum along periodic axes."""
     stages = []
     if spec.momentum_constraint:
         add, fold, close = make_drift(spec)
         both = ", and mean pressure" if spec.volume_constraint else ""
-        stages.append(Stage("drift", add, "blocks", f"periodic box with the corrected gradient: total momentum{both}"))
+        stages.append(Stage("drift", add, "blocks", f"periodic axes with the corrected gradient: total momentum{both}"))
         stages.append(Stage("drift_fold", fold, "folds", "adds up the parts of the sums"))
-        stages.append(Stage("drift_close", close, "one", "velocity of the box that is to be taken out"))
+        stages.append(Stage("drift_close", close, "one", "mean velocity that is to be taken out"))
     elif spec.volume_constraint:
         add, fold, close = make_volume(spec)
         stages.append(Stage("volume", add, "blocks", "closed domain with the corrected gradient: mean pressure"))
@@ -269,7 +269,8 @@ def absent(spec: Spec) -> list[Absent]:
     if not spec.room:
         rows.append(Absent("room", "a free surface, or numerics has no corrected gradient, no shifting or no room_rate"))
     if not spec.momentum_constraint:
-        rows.append(Absent("drift", "walls, open sides, or a gradient that conserves momentum pair by pair"))
+        why = "no periodic axis along which nothing pushes, or a gradient that conserves momentum pair by pair"
+        rows.append(Absent("drift", why))
     if not spec.interface_force:
         rows.append(Absent("interface force", "numerics.interface_force is 0"))
     rows += closed_sides(spec)
