@@ -51,7 +51,7 @@ class Spec:
         central_force: an acceleration -B^2 (x - center) acts.
         shifting: particles are shifted towards an even arrangement.
         volume_constraint: the mean pressure follows from the volume of a closed domain.
-        momentum_constraint: the total momentum is kept along `momentum_axes`, periodic ones on which nothing pushes.
+        momentum_axes: periodic axes on which nothing pushes: the total momentum along them is kept (riemann).
         room: the density is held to the room that the particles take.
         interface_force: pair force that keeps phases apart.
         dissipation: the pressure difference enters the star velocity.
@@ -116,8 +116,7 @@ class Spec:
     central_force: bool = False
     shifting: bool = False
     volume_constraint: bool = False
-    momentum_constraint: bool = False
-    momentum_axes: tuple[int, ...] = (0, 1, 2)
+    momentum_axes: tuple[int, ...] = ()
     room: bool = False
     interface_force: bool = False
     dissipation: bool = True
@@ -159,6 +158,11 @@ class Spec:
     def viscous_jump(self) -> bool:
         """Friction between fluids lacks a part of the stress, which the Morris form does not have in its pairs (riemann)."""
         return self.unlike_viscosity and self.viscosity == "morris"
+
+    @property
+    def momentum_constraint(self) -> bool:
+        """The total momentum is kept along some axis."""
+        return bool(self.momentum_axes)
 
     @property
     def curved(self) -> bool:

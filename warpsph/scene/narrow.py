@@ -7,8 +7,9 @@ below a roof is none.
 
 A *thin layer* is a piece of connected cells of one phase, beside another phase, in which no such cube has room.
 
-A *low drop* is a piece of one phase that lies against a wall which it meets at a given angle, fewer rows high than the angle
-takes to act, and does not cover the wall: it is drawn out to a film (docs/limits.md).
+A *low drop* is a piece of one phase that lies against a side of the domain which it meets at a given angle, fewer rows high
+than the angle takes to act: it is drawn out to a film (docs/limits.md). What covers the side is a layer; a drop that lies
+across a periodic side counts as one too, and is not told.
 """
 
 from __future__ import annotations

@@ -179,8 +179,9 @@ def derive(case: Case, geometry: Geometry, row_list: bool = True) -> Physics:
         and geometry.wall_count > 0
         and any(pair.contact_angle is not None and pair.coefficient > 0 for pair in case.surface_tension)
     )
-    axes = momentum_axes(case, geometry, viscous, angles) if corrected else ()
-    weighed = bool(np.any(forcing.hydrostatic() != 0)) or bool(forcing.tracks) or case.central_force is not None
+    sticky = viscous and bool((geometry.wall_slip[geometry.kind == 1] == 0).any())
+    gravity = bool(np.any(forcing.hydrostatic() != 0))
+    weighed = gravity or bool(forcing.tracks) or case.central_force is not None
     kinked = corrected and star != "arithmetic" and weighed and len({phase.density for phase in phases}) > 1
     spec = Spec(
         dimension=case.dimension,
@@ -192,7 +193,7 @@ def derive(case: Case, geometry: Geometry, row_list: bool = True) -> Physics:
         bodies=fitted,
         wall_sound=fitted and corrected and len(phases) == 1,
         tails=fitted and geometry.surface is not None and geometry.surface.frames.count > 0,
-        wall_no_slip=viscous and bool((geometry.wall_slip[geometry.kind == 1] == 0).any()),
+        wall_no_slip=sticky,
         viscosity=str(form) if viscous else "none",
         unlike_viscosity=viscous and star != "arithmetic" and len({phase.viscosity for phase in phases}) > 1,
         tension=str(tension_form) if has_tension else "none",
@@ -204,7 +205,7 @@ def derive(case: Case, geometry: Geometry, row_list: bool = True) -> Physics:
         corrected=corrected,
         paper_star=star == "arithmetic" and len(phases) > 1,
         printed=paper,
-        gravity=bool(np.any(forcing.hydrostatic() != 0)),
+        gravity=gravity,
         body_force=bool(np.any(forcing.driving() != 0)),
         varying_force=forcing.varying_force,
         varying_sides=forcing.varying_sides,
@@ -213,8 +214,7 @@ def derive(case: Case, geometry: Geometry, row_list: bool = True) -> Physics:
         shifting=float(shifting) > 0,
         volume_constraint=bool(constraint),
         room=held and float(room) > 0,
-        momentum_constraint=bool(axes),
-        momentum_axes=axes,
+        momentum_axes=momentum_axes(case) if corrected and not sticky and not angles else (),
         interface_force=float(zeta) > 0 and len(phases) > 1,
         dissipation=float(dissipation) > 0,
         acoustic_damping=float(damping) > 0,
@@ -326,13 +326,12 @@ def viscosity_is_enough(case: Case, sound: Sequence[float], h: float) -> bool:
     )
 
 
-def momentum_axes(case: Case, geometry: Geometry, viscous: bool, angles: bool) -> tuple[int, ...]:
+def momentum_axes(case: Case) -> tuple[int, ...]:
     """Return the periodic axes along which nothing but gravity and body forces pushes the fluid as a whole.
 
-    Walls push along none of them if they are sides of the domain without friction: no bodies, no lines of contact.
+    Walls push along none of them if they are sides of the domain, without friction and lines of contact.
     """
-    sticky = viscous and bool((geometry.wall_slip[geometry.kind == 1] == 0).any())
-    if case.bodies or case.has_flow_through or case.central_force is not None or angles or sticky:
+    if case.bodies or case.has_flow_through or case.central_force is not None:
         return ()
     sides = [getattr(case.domain.boundary, name) for name in AXES[: case.dimension]]
     if any(side.kind == "open" for both in sides for side in (both.lower, both.upper)):
