@@ -29,12 +29,14 @@ def mean_of(curve: str, window: tuple[float, float]) -> float:
     parts = curve.rsplit(":", 2)
     if len(parts) != 3:
         raise ValueError(f"{curve} -> needs FILE:TIME:VALUE")
-    table = np.genfromtxt(Path(parts[0]), delimiter=",", names=True, deletechars="")
+    table = np.atleast_1d(np.genfromtxt(Path(parts[0]), delimiter=",", names=True, deletechars=""))
     for name in parts[1:]:
         if name not in (table.dtype.names or ()):
             raise ValueError(f"{curve} -> {parts[0]} has no column {name}; take one of {', '.join(table.dtype.names or ())}")
     known = np.isfinite(table[parts[2]])
     times, values = table[parts[1]][known], table[parts[2]][known]
+    if not len(times):
+        raise ValueError(f"{curve} -> has no rows")
     begin, end = window
     if not times[0] <= begin < end <= times[-1]:
         raise ValueError(f"--window {begin:g} {end:g} -> needs begin < end within {times[0]:g} ... {times[-1]:g} of {curve}")
@@ -62,7 +64,8 @@ def main() -> None:
     except (OSError, ValueError) as error:
         parser.error(str(error))
     order, found = limit((coarse, middle, fine))
-    print(f"means {coarse:.5g}, {middle:.5g}, {fine:.5g}; order {order:.2f}, limit {found:.5g}")
+    settled = f"order {order:.2f}, limit {found:.5g}" if order > 0 else "they tend to no limit"
+    print(f"means {coarse:.5g}, {middle:.5g}, {fine:.5g}; {settled}")
     print(f"limit of first order {2.0 * fine - middle:.5g}")
 
 

@@ -29,6 +29,9 @@ def test_the_mean_is_that_of_straight_lines_between_the_rows(tmp_path):
     for window in ((-1.0, 2.0), (2.0, 4.0), (2.0, 1.0)):
         with pytest.raises(ValueError, match="--window"):
             SCRIPT["mean_of"](curve, window)
+    (tmp_path / "empty.csv").write_text("t,v\n")
+    with pytest.raises(ValueError, match="has no rows"):
+        SCRIPT["mean_of"](f"{tmp_path / 'empty.csv'}:t:v", (0.0, 1.0))
     with pytest.raises(ValueError, match="no column w; take one of t, v"):
         SCRIPT["mean_of"](f"{tmp_path / 'curve.csv'}:t:w", (0.0, 1.0))
 
