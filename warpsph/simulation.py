@@ -296,8 +296,10 @@ class Simulation:
         self._record(writer, frames)
         meter = _Meter(self, progress)
         while not reached(self.model.time, end):
-            target = min(end, *(s.next for s in (*self._moments.values(), frames, saves)))
+            target = min(end, self.model.calm_from, *(s.next for s in (*self._moments.values(), frames, saves)))
             self._step_to(target, meter, writer)
+            if reached(self.model.time, self.model.calm_from):
+                self.model.calm_down()
             # also before a stop: a restart takes what is due at its time as written
             self._record(writer, frames)
             if self._signal or (self._is_late() and not reached(self.model.time, end)):

@@ -76,6 +76,7 @@ VISCOUS_STEP = CLOCK.slot("s", "longest step of explicit viscosity, always allow
 CHANGE = CLOCK.slot("-", "change of the velocity in a step over the largest speed beyond it; 0 where it is explicit")
 SIGNAL_RATE = CLOCK.slot("1/s", "largest signal speed over smoothing length, where each particle has its own", kept=True)
 SIGNAL_COURANT = CLOCK.slot("-", "Courant number of that rate")
+RELAXATION = CLOCK.slot("-", "stiffness of the part of the pressure that fades, over that of the rest")
 CLOCK_SIZE = CLOCK.size
 
 COUNTERS = Slots()  # int32

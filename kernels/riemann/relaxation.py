@@ -11,7 +11,7 @@ from typing import Any
 
 import warp as wp
 
-from warpsph.kernels.core.clock import STEP
+from warpsph.kernels.core.clock import RELAXATION, STEP
 from warpsph.kernels.core.params import make_params
 from warpsph.kernels.core.spec import Spec, types, types_of
 
@@ -58,6 +58,6 @@ def make_relaxation(spec: Spec) -> Any:
             return
         slow = late(p, settled[i], real(clock[STEP]), params.relaxation_time)
         settled[i] = slow
-        state[i] = pair(p + params.relaxation * (p - slow), both[1])
+        state[i] = pair(p + real(clock[RELAXATION]) * (p - slow), both[1])
 
     return relaxation

@@ -7,8 +7,10 @@ import warp as wp
 from tests.open_scenes import THROUGH, scene
 from warpsph.case.case import Case
 from warpsph.errors import CaseError
+from warpsph.kernels.core import clock as ck
 from warpsph.kernels.riemann.relaxation import make_late
 from warpsph.running.model import Model
+from warpsph.simulation import Simulation
 
 SOUND, LENGTH = 10.0, 1.0
 BOX = {
@@ -91,3 +93,61 @@ def test_vortices_lose_nothing_to_it():
 def test_between_inlets_and_outlets_it_is_refused():
     with pytest.raises(CaseError, match="acoustic_relaxation.*inlets and outlets"):
         scene(THROUGH, numerics__acoustic_relaxation=0.5)
+
+
+VORTICES = ["sin(2*pi*x)*cos(2*pi*y)", "-cos(2*pi*x)*sin(2*pi*y)"]
+SQUARE = BOX | {"domain": BOX["domain"] | {"upper": [1, 1]}, "numerics": {}}
+
+
+@pytest.mark.parametrize(
+    "start, relaxed",
+    [
+        ({"velocity": VORTICES, "noise": 0.2}, True),  # what a start without pressures has to make at once
+        ({"velocity": VORTICES, "pressure": "0.5*(cos(4*pi*x) + cos(4*pi*y))"}, False),
+        ({"velocity": ["sin(2*pi*y)", 0], "noise": 0.2}, False),  # sheared along itself: no pressure
+        ({"velocity": [1, 0], "noise": 0.2}, False),
+        ({"noise": 0.2}, False),
+    ],
+)
+def test_velocities_without_their_pressures_are_an_onset(start, relaxed):
+    physics = Model(Case.from_dict(SQUARE | {"start": start}), threads=1).physics
+    assert physics.choices["acoustic_relaxation"] == (1.0 if relaxed else 0.0)
+    # sound of the longest wave has died to 1 % with the rate m omega/4, omega = pi c/L
+    end = 4 * np.log(100) * LENGTH / (np.pi * SOUND)
+    assert physics.choices["relaxation_end"] == (pytest.approx(end, rel=0.05) if relaxed else None)
+
+
+def ringing(**numerics):
+    """(swing, mean) of the elastic energy of vortices that start without their pressures, after the end of relaxation."""
+    case = SQUARE | {
+        "start": {"velocity": VORTICES},
+        "end_time": 0.8,
+        "gauges": {"energy": {"type": "energy", "interval": 0.005}},
+        "numerics": {"velocity_dissipation": 0} | numerics,
+    }
+    simulation = Simulation(Case.from_dict(case), threads=1).run()
+    energy = simulation.gauge("energy")
+    elastic = energy["elastic"][energy["time"] > 0.62]
+    return np.ptp(elastic) / 2, elastic.mean(), simulation.model
+
+
+def test_the_sound_of_such_a_start_dies_and_steps_are_longer_then():
+    """What lasts of the elastic energy is that of the vortices, what swings about it is sound."""
+    loud, more, _ = ringing(acoustic_relaxation=0)
+    quiet, mean, model = ringing()
+    assert quiet < 0.1 * mean < 0.1 * loud
+    clock = model.stepper.read()[0]
+    assert clock[ck.RELAXATION] == 0.0
+    assert clock[ck.STEP] == pytest.approx(0.5 * model.physics.h / (SOUND + 1.0), rel=0.03)  # not of the faster sound
+
+
+@pytest.mark.parametrize("stop", [0.1, 0.3])
+def test_a_restart_before_and_after_that_end_goes_on_bit_by_bit(tmp_path, stop):
+    numerics = {"acoustic_relaxation": 1, "relaxation_end": 0.2}
+    case = Case.from_dict(SQUARE | {"start": {"velocity": VORTICES}, "end_time": 0.4, "numerics": numerics})
+    case = case.replace({"output.checkpoint.interval": 0.1, "output.particles": "none"})
+    whole = Simulation(case, output=tmp_path / "whole", threads=1).run().state.fluid
+    Simulation(case.replace({"end_time": stop}), output=tmp_path / "parts", threads=1).run()
+    rest = Simulation(case, restart=tmp_path / "parts", threads=1).run().state.fluid
+    assert np.array_equal(whole.position, rest.position)
+    assert np.array_equal(whole.velocity, rest.velocity)

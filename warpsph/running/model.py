@@ -33,6 +33,7 @@ from warpsph.running import memory
 from warpsph.running.device_sums import DeviceSums
 from warpsph.running.exponents import KEPT, window_values
 from warpsph.running.flow_fields import FlowFields
+from warpsph.running.restarts import reached
 from warpsph.running.state_copy import copy_state
 from warpsph.running.surface_stress import SurfaceStress
 from warpsph.running.wall_loads import WallLoads
@@ -122,6 +123,7 @@ class Model:
         self._flow: FlowFields | None = None
         self._sums: DeviceSums | None = None
         self._grown = 0
+        self._calm = False  # the sound of the start has died, and steps are as long as without it
         self.particles = Population(self.physics.spec, self.scheme.fields(), *counts, self.device, room)
         self._fill()
         self.stepper = self._make_stepper()
@@ -252,7 +254,7 @@ class Model:
         case, physics = self.case, self.physics
         Phase = make_phase(physics.spec.precision)
         # sound in a fluid whose pressure relaxes: what limits a step and what pairs exchange
-        frozen = math.sqrt(1.0 + float(physics.choices.get("acoustic_relaxation", 0.0)))
+        frozen = 1.0 if self._calm else math.sqrt(1.0 + float(physics.choices.get("acoustic_relaxation", 0.0)))
         rows = []
         for name, c, nominal in zip(case.phase_names, physics.sound_speed, self.nominal_pressure, strict=True):
             given = case.phases[name]
@@ -502,6 +504,18 @@ class Model:
         if live > self.particles.fluid_capacity:
             self.stepper.grow(live)
 
+    @property
+    def calm_from(self) -> float:
+        """Time [s] from which the pressure has no part that fades any more, inf once that is so or where it has none."""
+        end = self.physics.choices.get("relaxation_end")
+        return math.inf if end is None or self._calm or not self.physics.spec.relaxation else float(end)
+
+    def calm_down(self) -> None:
+        """Leave out the part of the pressure that fades: the sound of the start has died (theory: riemann#relaxation)."""
+        self._calm = True
+        self.stepper.bindings["phases"].assign(self._materials())
+        self.stepper.write(clock={ck.RELAXATION: 0.0, ck.SOUND: max(self.physics.sound_speed)})
+
     def load_state(self, state: dict[str, np.ndarray]) -> None:
         """Continue from a saved state of the same case, bit by bit.
 
@@ -534,3 +548,5 @@ class Model:
             # checkpoints of older versions have fewer counters
             counters={k: int(state["counters"][k]) for k in ck.COUNTERS.kept if k < len(state["counters"])},
         )
+        if reached(self.time, self.calm_from):
+            self.calm_down()

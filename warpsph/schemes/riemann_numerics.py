@@ -91,14 +91,20 @@ class RiemannNumerics(NumericsBase):
     acoustic_relaxation: Annotated[float | Auto, NumberRule(least=0, most=4, auto=True)] = Field(
         default="auto",
         description="stiffness of a part of the pressure that fades, over that of the rest: damps sound of all lengths; a "
-        "step is shorter by the root of 1 + this. auto: the share of the pressures that tension makes at once, 1 without "
-        "weight, 0 where the start gives the pressure",
+        "step is shorter by the root of 1 + this. auto: the share of the pressures that tension or velocities of the start "
+        "make at once, 1 without weight, 0 where it gives the pressure",
         examples=["1"],
     )
     relaxation_time: Annotated[float | Auto, NumberRule(above=0, auto=True)] = Field(
         default="auto",
         description="s, time in which that part fades. auto: length of the fluid over pi c, of the slowest phase",
         examples=["0.01"],
+    )
+    relaxation_end: Annotated[float | Auto | None, NumberRule(above=0, auto=True, none=True)] = Field(
+        default="auto",
+        description="s, time from which that part is left out and steps are as long as without it; none: never. auto: when "
+        "the sound of the start has died to 1 %, none where acoustic_relaxation is given",
+        examples=["0.5", "none"],
     )
     velocity_dissipation: Annotated[float | Auto, NumberRule(least=0, most=10, auto=True)] = Field(
         default="auto",

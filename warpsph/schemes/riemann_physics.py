@@ -30,6 +30,7 @@ from warpsph.scene.physics import (
     turning_rate,
 )
 from warpsph.schemes.flow_through import check_filled
+from warpsph.schemes.onsets import dying, motion_onset, tension_onset
 from warpsph.schemes.viscous_steps import reach, worth
 
 if TYPE_CHECKING:
@@ -159,17 +160,26 @@ def derive(case: Case, geometry: Geometry, row_list: bool = True) -> Physics:
     onset = tension_onset(case, geometry, tension)
     often = crossings(onset) * (turning_rate(case, geometry, tension, scales) if len(phases) > 1 else 0.0)
     wanted, warnings = sound_speeds(case, scales, seen, filled, [often * size for size in lengths])
-    sudden = corrected and not paper and not case.has_flow_through and onset > COMPRESSION
-    reason = "tension sets in at once: the sound of that share of the pressures dies" if sudden else "not needed"
+    share, reason = 0.0, "not needed"
+    if corrected and not paper and not case.has_flow_through:
+        if onset > COMPRESSION:
+            share, reason = onset, "tension sets in at once: the sound of that share of the pressures dies"
+        else:
+            motion = motion_onset(case, geometry, tension, COMPRESSION)
+            if motion > COMPRESSION:
+                share, reason = motion, "the start has velocities without their pressures: the sound of those dies"
     calm = viscosity_is_enough(case, wanted, h)
     disorder = choose(
         "disorder_friction",
         0.0 if paper or calm else DISORDER,
         "printed form" if paper else "viscosity is enough" if calm else "disorder is evened, smooth flow is not",
     )
-    relaxed = float(choose("acoustic_relaxation", RELAXATION * onset if sudden else 0.0, reason))
+    relaxed = float(choose("acoustic_relaxation", RELAXATION * share, reason))
     frozen = math.sqrt(1.0 + relaxed)  # speed of the fastest sound over that of slow pressures
-    choose("relaxation_time", longest_wave(lengths, wanted), "the longest wave dies out fastest")
+    wave = longest_wave(lengths, wanted)
+    choose("relaxation_time", wave, "the longest wave dies out fastest")
+    over = dying(relaxed, wave) if relaxed > 0 and "acoustic_relaxation" in reasons else None
+    choose("relaxation_end", over, "the sound of the start is gone" if over else "never")
     fitted = fitted_walls(case, geometry)
     if float(damping) > 0 and fitted and not corrected:
         rule = "beside bodies needs the corrected pressure gradient: their pressure differences drive the density else"
@@ -342,16 +352,6 @@ def momentum_axes(case: Case) -> tuple[int, ...]:
 def has_triple_points(tension: np.ndarray) -> bool:
     """Return whether there are three phases, and tensions between at least two pairs of them, as a matrix [N/m]."""
     return len(tension) == 3 and int(np.count_nonzero(np.triu(tension, 1) > 0)) > 1
-
-
-def tension_onset(case: Case, geometry: Geometry, tension: np.ndarray) -> float:
-    """Return the share of the pressures that tension makes at once, 0 to 1; 0 where the start gives the pressure."""
-    if not (tension > 0).any() or case.start.pressure not in (None, "hydrostatic"):
-        return 0.0
-    _, whole = flow_scales(case, geometry, tension, filled=True)
-    _, without = flow_scales(case, geometry, np.zeros_like(tension), filled=True)
-    jump = float((whole - without).max())
-    return jump / (jump + float(without.max())) if jump > 0 else 0.0
 
 
 def crossings(onset: float) -> float:

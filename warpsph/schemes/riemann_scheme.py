@@ -108,7 +108,6 @@ class RiemannScheme(FlowThrough):
         params.dissipation = float(choices["velocity_dissipation"])
         params.shifting = float(choices["shifting"])
         params.damping = float(choices["acoustic_damping"])
-        params.relaxation = float(choices["acoustic_relaxation"])
         params.relaxation_time = float(choices["relaxation_time"])
         params.disorder = float(choices["disorder_friction"])
         params.shift_cap = SHIFT_CAP
@@ -122,6 +121,7 @@ class RiemannScheme(FlowThrough):
         from warpsph.kernels.core import clock as ck
 
         clock[ck.SOUND] = physics.acoustic
+        clock[ck.RELAXATION] = float(physics.choices["acoustic_relaxation"])
         if physics.spec.printed:
             clock[ck.FORCE] = math.inf  # the printed limits know no acceleration
         clock[ck.RARE_LIMIT] = RARE_WAY * physics.h
