@@ -13,11 +13,12 @@ if TYPE_CHECKING:
     from warpsph.case.case import Case
     from warpsph.scene.geometry import Geometry
 
+# What is left of the sound of a start when it counts as dead: half and double move the end of relaxation by 15 % (theory:
+# riemann#relaxation, docs/records/sound.md#until).
+DEAD = 0.01
 # Particles of a phase at which the gradient of the start velocity is looked at, and neighbours of each that give it.
 LOOKED_AT = 2000
 NEIGHBOURS = 12
-# What is left of the sound of a start when it counts as dead (theory: riemann#relaxation).
-DEAD = 0.01
 
 
 def given(case: Case) -> bool:

@@ -30,7 +30,7 @@ from warpsph.scene.physics import (
     turning_rate,
 )
 from warpsph.schemes.flow_through import check_filled
-from warpsph.schemes.onsets import dying, motion_onset, tension_onset
+from warpsph.schemes.onsets import DEAD, dying, motion_onset, tension_onset
 from warpsph.schemes.viscous_steps import reach, worth
 
 if TYPE_CHECKING:
@@ -357,7 +357,7 @@ def has_triple_points(tension: np.ndarray) -> bool:
 def crossings(onset: float) -> float:
     """Return how often sound crosses a phase while the flow turns by a radian: 10, more by the share of an onset."""
     enough = 1.0 / math.sqrt(COMPRESSION)
-    quiet = 4.0 * math.log(100.0) / (math.pi * RELAXATION * QUIET)
+    quiet = 4.0 * math.log(1.0 / DEAD) / (math.pi * RELAXATION * QUIET)
     return enough + onset * (quiet - enough)
 
 
