@@ -117,6 +117,30 @@ def test_velocities_without_their_pressures_are_an_onset(start, relaxed):
     assert physics.choices["relaxation_end"] == (pytest.approx(end, rel=0.05) if relaxed else None)
 
 
+MOVING = {"lower": {"wall": "no_slip", "velocity": [-1, 0]}, "upper": {"wall": "no_slip", "velocity": [1, 0]}}
+SHEARED = {"x": "periodic", "y": MOVING}
+CYLINDER = {"cylinder": {"shape": {"sphere": {"center": [0.5, 0.5], "radius": 0.2}}}}
+GOING = {"going": CYLINDER["cylinder"] | {"motion": {"translation": ["0.5*t", 0]}}}
+WALLED = {"x": "wall", "y": "wall"}
+
+
+@pytest.mark.parametrize(
+    "more, relaxed",
+    [
+        ({"bodies": CYLINDER, "start": {"velocity": [1, 0]}}, True),  # a stream that a body has to turn aside at once
+        ({"bodies": CYLINDER, "start": {"velocity": [0, 0]}}, False),
+        ({"bodies": GOING}, True),
+        ({"domain": SQUARE["domain"] | {"boundary": WALLED}, "start": {"velocity": [1, 0]}}, True),
+        ({"domain": SQUARE["domain"] | {"boundary": WALLED}}, False),
+        ({"domain": SQUARE["domain"] | {"boundary": SHEARED}, "start": {"velocity": ["2*y-1", 0]}}, False),
+        ({"domain": SQUARE["domain"] | {"boundary": SHEARED}}, False),
+    ],
+)
+def test_walls_that_meet_the_fluid_are_an_onset(more, relaxed):
+    physics = Model(Case.from_dict(SQUARE | more), threads=1).physics
+    assert physics.choices["acoustic_relaxation"] == (1.0 if relaxed else 0.0)
+
+
 def ringing(**numerics):
     """(swing, mean) of the elastic energy of vortices that start without their pressures, after the end of relaxation."""
     case = SQUARE | {

@@ -13,8 +13,8 @@ if TYPE_CHECKING:
     from warpsph.case.case import Case
     from warpsph.scene.geometry import Geometry
 
-# What is left of the sound of a start when it counts as dead: half and double move the end of relaxation by 15 % (theory:
-# riemann#relaxation, docs/records/sound.md#until).
+# What is left of the sound of a start when it counts as dead: half and double move the end of relaxation by 15 %
+# (theory: riemann#relaxation; docs/records/sound.md#until).
 DEAD = 0.01
 # Particles of a phase at which the gradient of the start velocity is looked at, and neighbours of each that give it.
 LOOKED_AT = 2000
@@ -40,27 +40,63 @@ def motion_onset(case: Case, geometry: Geometry, tension: np.ndarray, least: flo
     """Return the share of the pressures that start velocities make at once, 0 to 1; 0 where the start gives the pressure.
 
     A flow v without divergence has the pressure of lap p = -rho tr(G G), G = grad v: none where it is uniform or sheared
-    along itself. The share is J/(J + P), J the largest dynamic pressure of the differences from the mean velocity and P what
-    each phase sees without motion. It is 0 if the source, over the longest side of the phase, makes less than `least` of J.
+    along itself. A wall or a body that meets the fluid at another normal velocity has to turn it aside. The share is
+    J/(J + P), J the dynamic pressure of the differences, from the mean velocity or from that of walls, and P what each
+    phase sees without motion. Differences count from the share `least` of the fastest on.
     """
     if given(case):
         return 0.0
-    motion = 0.0
     fluid = geometry.kind == 0
-    position, velocity, phase = geometry.position[fluid], geometry.velocity[fluid], geometry.phase[fluid]
-    for k, name in enumerate(case.phase_names):
-        x, v = position[phase == k], velocity[phase == k]
-        if len(x) <= NEIGHBOURS:
-            continue
-        v = v - v.mean(axis=0)
-        fastest = float((v**2).sum(axis=1).max())
-        source = np.abs(_source(x, v)).max() if fastest > 0 else 0.0
-        if source * float(np.ptp(x, axis=0).max() / math.pi) ** 2 > least * fastest:
-            motion = max(motion, case.phases[name].density * fastest)
+    velocity, phase = geometry.velocity[fluid], geometry.phase[fluid]
+    density = np.array([case.phases[name].density for name in case.phase_names])
+    motion = max(
+        density[k] * _turning(geometry.position[fluid][phase == k], velocity[phase == k], least) for k in range(len(density))
+    )
+    still = float((velocity**2).sum(axis=1).max(initial=0.0)) == 0.0 and not geometry.boundary_velocity.any()
+    if not still:
+        met = _met(case, geometry)
+        fastest = max(np.abs(velocity).max(initial=0.0), np.abs(geometry.boundary_velocity).max(initial=0.0))
+        if met > least * fastest:
+            motion = max(motion, float(density.max()) * met**2)
     if motion == 0.0:
         return 0.0
     _, seen = flow_scales(case, geometry, tension, filled=True)
-    return motion / (motion + float(seen.max()))
+    return float(motion / (motion + seen.max()))
+
+
+def _turning(position: np.ndarray, velocity: np.ndarray, least: float) -> float:
+    """Return the largest square of a difference from the mean velocity [m^2/s^2], 0 where nothing turns the flow."""
+    if len(position) <= NEIGHBOURS:
+        return 0.0
+    velocity = velocity - velocity.mean(axis=0)
+    fastest = float((velocity**2).sum(axis=1).max())
+    source = float(np.abs(_source(position, velocity)).max()) if fastest > 0 else 0.0
+    return fastest if source * (np.ptp(position, axis=0).max() / math.pi) ** 2 > least * fastest else 0.0
+
+
+def _met(case: Case, geometry: Geometry) -> float:
+    """Return the largest normal velocity [m/s] at which walls and bodies meet the fluid beside them."""
+    from scipy.spatial import cKDTree
+
+    fluid = geometry.kind == 0
+    position, velocity = geometry.position[fluid], geometry.velocity[fluid]
+    near = 1.5 * case.spacing
+    met = 0.0
+    if geometry.surface is not None:
+        walls, surface = ~fluid, geometry.surface
+        first = surface.area != 0
+        foot = (geometry.position[walls] + surface.depth[:, None] * surface.normal)[first]
+        distance, there = cKDTree(position).query(foot, distance_upper_bound=near)
+        beside = np.isfinite(distance)
+        moved = velocity[there[beside]] - geometry.boundary_velocity[walls][first][beside]
+        return float(np.abs((moved * surface.normal[first][beside]).sum(axis=1)).max(initial=0.0))
+    lattice = geometry.lattice
+    for axis, pair in enumerate(case.sides):
+        for side, plane in ((pair.lower, lattice.lower[axis]), (pair.upper, lattice.upper[axis])):
+            if side.kind == "wall":
+                beside = np.abs(position[:, axis] - plane) < near
+                met = max(met, float(np.abs(velocity[beside, axis]).max(initial=0.0)))
+    return met
 
 
 def _source(position: np.ndarray, velocity: np.ndarray) -> np.ndarray:

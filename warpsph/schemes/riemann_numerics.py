@@ -91,8 +91,8 @@ class RiemannNumerics(NumericsBase):
     acoustic_relaxation: Annotated[float | Auto, NumberRule(least=0, most=4, auto=True)] = Field(
         default="auto",
         description="stiffness of a part of the pressure that fades, over that of the rest: damps sound of all lengths; a "
-        "step is shorter by the root of 1 + this. auto: the share of the pressures that tension or velocities of the start "
-        "make at once, 1 without weight, 0 where it gives the pressure",
+        "step is shorter by the root of 1 + this. auto: the share of the pressures that tension, velocities of the start or "
+        "walls that meet the fluid make at once, 1 without weight, 0 where it gives the pressure",
         examples=["1"],
     )
     relaxation_time: Annotated[float | Auto, NumberRule(above=0, auto=True)] = Field(
