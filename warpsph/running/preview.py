@@ -23,9 +23,11 @@ if TYPE_CHECKING:
 
     CaseLike = Case | Path | str | Mapping[str, Any]
 
-# For the estimate of `check`, where nothing was measured yet: million particle-steps per second, seconds that a stage takes
-# however few particles there are, and how many stages the iterations of a pressure solve are worth.
+# For the estimate of `check`, where nothing was measured yet: million particle-steps per second of a plane whose supports
+# reach three spacings, the neighbours that a particle has there, seconds that a stage takes however few particles there are,
+# and how many stages the iterations of a pressure solve are worth.
 GUESSED_RATE = 2.0
+GUESSED_NEIGHBOURS = math.pi * 3.0**2
 GUESSED_STAGE = 2.0e-5
 SOLVE_STAGES = 100
 
@@ -106,6 +108,8 @@ def estimate(case: CaseLike) -> dict[str, Any]:
     program = case.scheme.program(spec, physics.choices)
     dt = physics.estimated_step()
     steps = math.ceil(case.end_time / dt)
+    reach = physics.support / case.spacing
+    neighbours = {1: 2.0 * reach, 2: math.pi * reach**2, 3: 4.0 / 3.0 * math.pi * reach**3}[case.dimension]
     return {
         "particles": fluid,
         "walls": walls,
@@ -113,15 +117,16 @@ def estimate(case: CaseLike) -> dict[str, Any]:
         "host_bytes": host,
         "dt": dt,
         "steps": steps,
-        "seconds": steps * guessed_step(geometry.count, [name for _, name, _ in lines(program.step)]),
+        "seconds": steps * guessed_step(geometry.count, neighbours, [name for _, name, _ in lines(program.step)]),
         "sound_across": lowest_sound_across(case, physics),
         "warnings": warnings,
     }
 
 
-def guessed_step(particles: int, stages: list[str]) -> float:
+def guessed_step(particles: int, neighbours: float, stages: list[str]) -> float:
     """Return the seconds to expect of a step of so many particles, walls included, on one thread."""
-    return particles / (GUESSED_RATE * 1e6) + GUESSED_STAGE * sum(SOLVE_STAGES if name == "solve" else 1 for name in stages)
+    pace = GUESSED_RATE * 1e6 * GUESSED_NEIGHBOURS / neighbours
+    return particles / pace + GUESSED_STAGE * sum(SOLVE_STAGES if name == "solve" else 1 for name in stages)
 
 
 def lowest_sound_across(case: Case, physics: Physics) -> float | None:
