@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from warpsph.scene.forcing import forcing_of
 from warpsph.scene.physics import flow_scales
 
 if TYPE_CHECKING:
@@ -19,6 +20,8 @@ DEAD = 0.01
 # Particles of a phase at which the gradient of the start velocity is looked at, and neighbours of each that give it.
 LOOKED_AT = 2000
 NEIGHBOURS = 12
+# Share of a run over which bodies are seen to move at its start.
+SOON = 1.0e-6
 
 
 def given(case: Case) -> bool:
@@ -52,12 +55,11 @@ def motion_onset(case: Case, geometry: Geometry, tension: np.ndarray, least: flo
     motion = max(
         density[k] * _turning(geometry.position[fluid][phase == k], velocity[phase == k], least) for k in range(len(density))
     )
-    still = float((velocity**2).sum(axis=1).max(initial=0.0)) == 0.0 and not geometry.boundary_velocity.any()
-    if not still:
-        met = _met(case, geometry)
-        fastest = max(np.abs(velocity).max(initial=0.0), np.abs(geometry.boundary_velocity).max(initial=0.0))
-        if met > least * fastest:
-            motion = max(motion, float(density.max()) * met**2)
+    walls = _wall_velocity(case, geometry)
+    fastest = max(np.abs(velocity).max(initial=0.0), np.abs(walls).max(initial=0.0))
+    met = _met(case, geometry, walls) if fastest > 0 else 0.0
+    if met > least * fastest:
+        motion = max(motion, float(density.max()) * met**2)
     if motion == 0.0:
         return 0.0
     _, seen = flow_scales(case, geometry, tension, filled=True)
@@ -74,8 +76,23 @@ def _turning(position: np.ndarray, velocity: np.ndarray, least: float) -> float:
     return fastest if source * (np.ptp(position, axis=0).max() / math.pi) ** 2 > least * fastest else 0.0
 
 
-def _met(case: Case, geometry: Geometry) -> float:
-    """Return the largest normal velocity [m/s] at which walls and bodies meet the fluid beside them."""
+def _wall_velocity(case: Case, geometry: Geometry) -> np.ndarray:
+    """Return the velocity of each wall particle at time 0, (walls, d) m/s, those of bodies that move included."""
+    walls = geometry.kind == 1
+    velocity = geometry.boundary_velocity[walls].copy()
+    soon = SOON * case.end_time
+    for track in forcing_of(case).tracks:
+        rows = geometry.body[walls] == geometry.body_names.index(track.name) + 1
+        point = geometry.position[walls][rows]
+        velocity[rows] = (track.place(point, soon) - track.place(point, 0.0)) / soon
+    return velocity
+
+
+def _met(case: Case, geometry: Geometry, wall_velocity: np.ndarray) -> float:
+    """Return the largest normal velocity [m/s] at which walls and bodies meet the fluid beside them.
+
+    wall_velocity: (walls, d), m/s
+    """
     from scipy.spatial import cKDTree
 
     fluid = geometry.kind == 0
@@ -88,7 +105,7 @@ def _met(case: Case, geometry: Geometry) -> float:
         foot = (geometry.position[walls] + surface.depth[:, None] * surface.normal)[first]
         distance, there = cKDTree(position).query(foot, distance_upper_bound=near)
         beside = np.isfinite(distance)
-        moved = velocity[there[beside]] - geometry.boundary_velocity[walls][first][beside]
+        moved = velocity[there[beside]] - wall_velocity[first][beside]
         return float(np.abs((moved * surface.normal[first][beside]).sum(axis=1)).max(initial=0.0))
     lattice = geometry.lattice
     for axis, pair in enumerate(case.sides):
