@@ -20,6 +20,8 @@ ISPH_FIELDS: tuple[Field, ...] = (
     Field("surface", "uint8", "fluid", False, always, "-", "0 inside, 1 at the free surface, 2 isolated", True),
     Field("surface_normal", "vec", "fluid", False, always, "-", "outward normal; of use at the surface alone", True),
     Field("velocity_gradient", "mat", "fluid", False, free_surface, "1/s", "of the end of the step"),
+    Field("row_depth", "real", "fluid", True, free_surface, "-", "depth below the surface over an even row's; 0 elsewhere"),
+    Field("spread_depth", "real", "fluid", False, free_surface, "-", "the same as the spread has it; 0 where p = 0"),
     Field("smoothing", "real", "fluid", False, free_surface, "-", "share of a deviation that smoothing takes out in a step"),
     Field("beside", "vec", "fluid", True, bodies, "-", "normal of the surface before a particle in the last step; 0: none"),
     Field("wall_gap", "real", "fluid", True, bodies, "m", "distance from it"),

@@ -11,10 +11,10 @@ from warpsph.kernels.core.mirror import code_shift, make_images, make_sides
 from warpsph.kernels.core.pair import WRAPPED, list_access, natural
 from warpsph.kernels.core.params import make_params
 from warpsph.kernels.core.smoothing import make_smoothing
-from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, types_of
+from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, types, types_of
 
 from .projection import CLOSEST
-from .surface import INSIDE, ISOLATED
+from .surface import DEEPEST, INSIDE, ISOLATED, SHALLOWEST, SURFACE
 
 CONTACT = 0.5  # distance of a collision, in spacings: shifted particles of a flow stay farther apart
 CROWDED = 0.85  # distance below which particles next to a free surface are pushed apart, in spacings
@@ -22,6 +22,28 @@ PUSH = 0.25  # of A |grad u| dt, times the spacing
 MOST_PUSH = 0.1  # of |grad u| dt: beyond it a push overshoots
 MOST_FILTER = 0.5  # share of a velocity's deviation that one step may take out; with 1 two particles would swap theirs
 MOST_SHIFT = 0.5  # of A |grad u| dt
+# Rate over |grad u| at which the depth of a row at the surface goes to that of its spread: none at rest, where the spread
+# would make waves of a few spacings grow (0.5 to 20 on record, docs/records/isph.md#depth).
+EVENING = 8.0
+
+
+@functools.cache
+def make_followed(dimension: int, precision: str) -> Any:
+    """Return the `wp.func` that gives the depth of a particle of the surface a step later, over that of an even row [-].
+
+    It is stretched with the fluid across the surface, `row_strain` times as fast, and drawn to the depth that the spread
+    has at the rate EVENING |grad u| (theory: isph#b4).
+    """
+    real, vec, mat, _ = types(dimension, precision)
+
+    @wp.func
+    def followed(rows: real, even: real, n: vec, gradient: mat, row_strain: real, dt: real):
+        grown = rows * wp.exp(row_strain * wp.dot(n, gradient * n) * dt)
+        stretched = wp.clamp(grown, real(SHALLOWEST), real(DEEPEST))  # of spray it may be beyond all numbers
+        share = wp.min(real(EVENING) * wp.sqrt(wp.ddot(gradient, gradient)) * dt, real(1.0))
+        return stretched + share * (even - stretched)
+
+    return followed
 
 
 @functools.cache
@@ -39,6 +61,7 @@ def make_regularise(spec: Spec) -> Any:
     Params = make_params(spec.dimension, spec.precision)
     Sides = make_sides(spec.dimension, spec.precision)
     shape, slope = make_smoothing(spec.kernel, spec.precision)
+    followed = make_followed(spec.dimension, spec.precision)
     images = make_images(spec)
     apart, image_velocity = images.apart, images.image_velocity
     list_begin, list_step, neighbour, Listed = list_access(spec)
@@ -76,6 +99,9 @@ def make_regularise(spec: Spec) -> Any:
         carried: wp.array(dtype=vec),
         velocity_gradient: wp.array(dtype=mat),
         smoothing: wp.array(dtype=real),
+        row_depth: wp.array(dtype=real),
+        spread_depth: wp.array(dtype=real),
+        row_strain: real,
         maxima: wp.array(dtype=real),
         zone: wp.array(dtype=wp.int8),
     ):
@@ -152,6 +178,11 @@ def make_regularise(spec: Spec) -> Any:
                         velocity_gradient[i] = shear
                         smoothing[i] = real(0.0)
                 return  # rows stay as they are
+        if wp.static(spec.free_surface):
+            rows = real(0.0)
+            if surface[i] == wp.uint8(SURFACE) and spread_depth[i] > real(0.0):
+                rows = followed(row_depth[i], spread_depth[i], surface_normal[i], shear, row_strain, real(clock[STEP]))
+            row_depth[i] = rows
         if wp.static(spec.shifting):
             dt = real(clock[STEP])
             strength = wp.sqrt(wp.ddot(shear, shear)) * dt

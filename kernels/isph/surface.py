@@ -44,8 +44,9 @@ def make_surface(spec: Spec) -> tuple[Any, Any]:
 
     The surface with p = 0 is outside of them: p = -depth n.grad p^n, but no more than the mean pressure around them, which
     is that further inside; an isolated one has p = 0. A crowded row is deeper below its surface than an even one, a
-    stretched one less deep: how deep follows from the spread, which is `first_row` for the outermost and `second_row` for
-    the next row of an even arrangement, half a spacing (`surface_depth`) and three times that below.
+    stretched one less deep. How deep a particle is that comes to the surface follows from the spread, which is `first_row`
+    for the outermost and `second_row` for the next row of an even arrangement, half a spacing (`surface_depth`) and three
+    times that below. From then on `regularise` lets the depth follow the flow.
 
     A particle that is inside, but among particles of the surface alone, is part of a splash of a few. Its pressure would
     push them away and pull itself after them, faster and faster: it is counted to the surface.
@@ -83,8 +84,11 @@ def make_surface(spec: Spec) -> tuple[Any, Any]:
         unknown: wp.array(dtype=real),
         exposed: wp.array(dtype=wp.uint8),
         pressure: wp.array(dtype=real),
+        row_depth: wp.array(dtype=real),
+        spread_depth: wp.array(dtype=real),
     ):
         i = wp.tid() + first
+        spread_depth[i] = real(0.0)
         share = company[i] / real(dimension)
         # in a corner of walls the own images are a quarter of the spread, and a resting particle there is no candidate
         if share >= real(CANDIDATE) or (share >= real(CORNER) and spread[i] >= real(wp.static(CANDIDATE * dimension))):
@@ -133,7 +137,11 @@ def make_surface(spec: Spec) -> tuple[Any, Any]:
             if share > real(FLAT) and not covered:
                 most = wp.abs(mean) / wp.max(found, real(1.0))
                 rows = real(2.0) * (spread[i] / real(dimension) - first_row) / (second_row - first_row)
-                depth = surface_depth * wp.clamp(real(1.0) + rows, real(SHALLOWEST), real(DEEPEST))
+                even = wp.clamp(real(1.0) + rows, real(SHALLOWEST), real(DEEPEST))
+                spread_depth[i] = even
+                if row_depth[i] <= real(0.0):
+                    row_depth[i] = even  # new at the surface
+                depth = surface_depth * row_depth[i]
                 p = wp.clamp(-depth * wp.dot(n, lasting_gradient[i]), -most, most)
             pressure[i] = p
 

@@ -47,6 +47,35 @@ def row_shares(spec: Spec, ratio: float) -> tuple[float, float]:
         spec: kernel and dimension.
         ratio: smoothing length over spacing.
     """
+    terms, points = _pairs(spec, ratio)
+    height = points[:, -1]
+    spread = -terms * (points**2).sum(axis=1) / spec.dimension
+    first, second = (float(spread[height < above].sum()) for above in (0.5, 1.5))
+    return first, second
+
+
+def row_strain(spec: Spec, ratio: float, offset: float) -> float:
+    """Return how much faster than the fluid across a surface the depth of its row is stretched (theory: isph#b4).
+
+    The gradient of a row at the surface, which is exact for linear fields, is that of a place c spacings inside: of a wave
+    exp(kz) cos kx it is k (1 - ck), c = -sum F z (z^2 - x^2)/(2 sum F z^2) over a lattice below. So the row moves by a share
+    ck less than the wave, and the fluid sees the weight of what it moves by only: 1 + c/offset mends that.
+
+    Args:
+        spec: kernel and dimension.
+        ratio: smoothing length over spacing.
+        offset: distance of the surface from its row over the spacing; 1 is returned where it is 0.
+    """
+    if offset <= 0:
+        return 1.0
+    terms, points = _pairs(spec, ratio)
+    below = points[:, -1] < 0.5
+    f, x, z = terms[below], points[below, 0], points[below, -1]
+    return float(1.0 - (f * z * (z**2 - x**2)).sum() / (2.0 * (f * z**2).sum()) / offset)
+
+
+def _pairs(spec: Spec, ratio: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return W'/r V of the pairs of a particle of a lattice, (n,) 1/spacing^2, and where neighbours are, (n, d) spacings."""
     import itertools
 
     import warp as wp
@@ -60,13 +89,8 @@ def row_shares(spec: Spec, ratio: float) -> tuple[float, float]:
     points = np.array(list(itertools.product(range(-reach, reach + 1), repeat=spec.dimension)), dtype=float)
     q = np.linalg.norm(points, axis=1) / ratio
     near = (q > 0.0) & (q < kernel.support)
-    terms = np.array([float(slope(wp.float64(value))) * value**2 for value in q[near]])
-    height = points[near, -1]
-    scale = -kernel.alpha[spec.dimension - 1] / (ratio**spec.dimension * spec.dimension)
-    first, second = (scale * float(terms[height < above].sum()) for above in (0.5, 1.5))
-    return first, second
-
-
+    scale = kernel.alpha[spec.dimension - 1] / ratio ** (spec.dimension + 2)
+    return scale * np.array([float(slope(wp.float64(value))) for value in q[near]]), points[near]
 
 
 def _decay(phase: Any, length: float) -> float:

@@ -115,7 +115,7 @@ class IsphScheme(FlowThrough):
 
     def values(self, params: Any, case: Any, geometry: Geometry, physics: Physics, device: Any) -> dict[str, Any]:
         """Set the numbers of its sweeps; return those of the deferred correction and of the rows below a surface."""
-        from warpsph.schemes.isph_physics import row_shares
+        from warpsph.schemes.isph_physics import row_shares, row_strain
 
         choices = physics.choices
         params.shifting = float(choices["shifting"])
@@ -130,6 +130,7 @@ class IsphScheme(FlowThrough):
             "surface_depth": float(choices["surface_offset"]) * case.spacing,
             "first_row": first_row,
             "second_row": second_row,
+            "row_strain": row_strain(physics.spec, physics.h / case.spacing, float(choices["surface_offset"])),
         }
 
     def set_clock(self, clock: np.ndarray, counters: np.ndarray, physics: Physics) -> None:
