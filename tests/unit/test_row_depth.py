@@ -68,7 +68,7 @@ def test_a_small_wave_has_its_frequency():
 
 @pytest.mark.parametrize("ratio", [1.25, 1.5, 2.0])
 def test_row_strain_is_the_lag_of_the_gradient_of_a_row(ratio):
-    """Of the wave exp(kz) cos kx the gradient that is exact for linear fields is k (1 - ck) at the first row of a lattice."""
+    """Of the wave exp(kz) cos kx a gradient that is exact for linear fields has k (1 - ck) at the first row of a lattice."""
     h, k = ratio, 1e-4
     x, z = (a.ravel().astype(float) for a in np.meshgrid(np.arange(-9, 10), np.arange(-9, 1)))
     q = np.hypot(x, z) / h
