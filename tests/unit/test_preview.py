@@ -66,3 +66,13 @@ def test_a_step_takes_the_time_of_its_pairs():
 
     assert rate(2, 200) == pytest.approx(2.0, rel=0.1)
     assert rate(3, 34) == pytest.approx(0.5, rel=0.1)
+
+
+def test_steps_are_longer_once_the_sound_of_the_start_has_died():
+    """Taylor-Green 50 relaxes to 0.59 s of 2: between the steps of the faster sound throughout and of none."""
+    changes = ["numerics.acoustic_relaxation=0", "numerics.relaxation_end=auto", "numerics.relaxation_end=none"]
+    without, now, throughout = (
+        estimate(load_case(CASES / "taylor_green.yaml", overrides=[change]))["steps"] for change in changes
+    )
+    share = (now - without) / (throughout - without)
+    assert share == pytest.approx(0.59 / 2, abs=0.01)

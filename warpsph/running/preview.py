@@ -107,7 +107,7 @@ def estimate(case: CaseLike) -> dict[str, Any]:
         )
     program = case.scheme.program(spec, physics.choices)
     dt = physics.estimated_step()
-    steps = math.ceil(case.end_time / dt)
+    steps = physics.estimated_steps(case.end_time)
     reach = physics.support / case.spacing
     neighbours = {1: 2.0 * reach, 2: math.pi * reach**2, 3: 4.0 / 3.0 * math.pi * reach**3}[case.dimension]
     return {

@@ -93,11 +93,18 @@ class Physics:
         ratio = 1.0 + gamma * self.hardest_pressure / (density * sound_speed**2)
         return float(max(ratio ** (1.0 / gamma) - 1.0, LEAST_EXCESS))
 
-    def estimated_step(self) -> float:
-        """Return the time step to expect [s], before the flow is known."""
-        fastest = self.scales["velocity"] + self.acoustic
+    def estimated_step(self, calm: bool = False) -> float:
+        """Return the time step to expect [s], before the flow is known; calm: once the sound of the start has died."""
+        fastest = self.scales["velocity"] + (max(self.sound_speed) if calm else self.acoustic)
         courant = self.choices["courant"] * self.h / fastest if fastest > 0 else math.inf
         return float(min(courant, self.slow_step, *self.step_cap.values()))
+
+    def estimated_steps(self, end_time: float) -> int:
+        """Return how many steps to expect to a time [s]."""
+        over = self.choices.get("relaxation_end")
+        if over is None or over >= end_time:
+            return math.ceil(end_time / self.estimated_step())
+        return math.ceil(over / self.estimated_step() + (end_time - over) / self.estimated_step(calm=True))
 
 
 def derive(case: Case, geometry: Geometry, row_list: bool = True) -> Physics:
