@@ -320,11 +320,16 @@ def unbounded(ratio: float, capillary: float) -> tuple[float, float]:
 
 
 def write_curves(path: str, curves: dict[str, list[tuple[float, float, float]]]) -> None:
-    """Write a table of t, D and angle [degrees] for each pair; one that is steady before the others keeps its values."""
-    longest = max(curves.values(), key=len)
+    """Write a table of t, D and angle [degrees] for each pair."""
     names = [f"{part}{pair if len(curves) > 1 else ''}" for pair in curves for part in ("D", "angle")]
+    write_columns(path, ["t", *names], curves)
+
+
+def write_columns(path: str, names: list[str], curves: dict[str, list[tuple[float, float, float]]]) -> None:
+    """Write time, D and angle of each curve under these names; one that is steady before the others keeps its values."""
+    longest = max(curves.values(), key=len)
     with open(path, "w") as file:
-        file.write(",".join(["t", *names]) + "\n")
+        file.write(",".join(names) + "\n")
         for row, (t, *_) in enumerate(longest):
             values = [value for curve in curves.values() for value in curve[min(row, len(curve) - 1)][1:]]
             file.write(",".join([f"{t:.6g}", *(f"{value:.6g}" for value in values)]) + "\n")
@@ -341,7 +346,12 @@ def refuse(parser: argparse.ArgumentParser, options: argparse.Namespace) -> None
     for key, least in (("half_height", 1.0), ("period", 2.0), ("end_time", 0.0)):
         if not least < getattr(options, key) < np.inf:
             parser.error(f"--{key.replace('_', '-')} {getattr(options, key):g}: has to be above {least:g} and finite")
-    for path in (options.json, options.curve):
+    refuse_folders(parser, options.json, options.curve)
+
+
+def refuse_folders(parser: argparse.ArgumentParser, *paths: str | None) -> None:
+    """End with a message and exit code 2 if a result could not be written for want of its folder."""
+    for path in paths:
         if path and not Path(path).absolute().parent.is_dir():
             parser.error(f"{path}: there is no such folder; make it first")
 

@@ -30,11 +30,15 @@ order.
 
 import argparse
 import json
+import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parent))
+from shear_drop_exact import refuse_folders, write_columns  # noqa: E402
 
 INTERVAL = 0.05  # between the times of a curve; the ellipsoid A is taken anew as often
 STABLE = 2.0  # step times the rate of the stiffest mode; the method allows 2.78
@@ -354,16 +358,6 @@ def cox(capillary: float) -> tuple[float, float]:
     return 35 / 32 * capillary / float(np.hypot(1, turn)), 45 - float(np.degrees(np.arctan(turn))) / 2
 
 
-def write_curves(path: str, curves: dict[str, list[tuple[float, float, float]]]) -> None:
-    """Write a table of t, D and angle [degrees] for each drop; one that is steady before the others keeps its values."""
-    longest = max(curves.values(), key=len)
-    with open(path, "w") as file:
-        file.write(",".join(["G_t", *(f"{part}_{name}" for name in curves for part in ("D", "angle"))]) + "\n")
-        for row, (t, *_) in enumerate(longest):
-            values = [value for curve in curves.values() for value in curve[min(row, len(curve) - 1)][1:]]
-            file.write(",".join([f"{t:.6g}", *(f"{value:.6g}" for value in values)]) + "\n")
-
-
 def refuse(parser: argparse.ArgumentParser, options: argparse.Namespace) -> None:
     """End with a message and exit code 2 if a value has no meaning or a result could not be written."""
     wrong = [value for value in options.capillary if not 0 < value < np.inf]
@@ -373,9 +367,7 @@ def refuse(parser: argparse.ArgumentParser, options: argparse.Namespace) -> None
         parser.error(f"--degree {options.degree}: has to be even and at least 4")
     if not 0 < options.end_time < np.inf:
         parser.error(f"--end-time {options.end_time:g}: has to be above 0 and finite")
-    for path in (options.json, options.curve):
-        if path and not Path(path).absolute().parent.is_dir():
-            parser.error(f"{path}: there is no such folder; make it first")
+    refuse_folders(parser, options.json, options.curve)
 
 
 def main() -> None:
@@ -405,7 +397,8 @@ def main() -> None:
         with open(options.json, "w") as file:
             json.dump(rows, file, indent=1)
     if options.curve:
-        write_curves(options.curve, curves)
+        names = [f"{part}_{name}" for name in curves for part in ("D", "angle")]
+        write_columns(options.curve, ["G_t", *names], curves)
 
 
 if __name__ == "__main__":

@@ -61,9 +61,9 @@ UNLOCK = 0.05
 # Step of friction in stages over L^2/nu where `auto` chooses their number: half of it changes the start of a channel flow by
 # 0.05 % of its speed, six times as much by 1 % (docs/records/shear.md).
 CHANGE = 0.002
-# Stiffness m of the part of the pressure that fades, over that of the rest, where tension alone makes the pressures and sets
-# in at once: the sound of a start is gone, to 1 %, after the time 18.4/(pi m) L/c; a step is shorter by sqrt(1 + m)
-# (docs/records/sound.md).
+# Stiffness m of the part of the pressure that fades, over that of the rest, where tension, or velocities of the start,
+# alone make the pressures at once: the sound of a start is gone, to 1 %, after the time 18.4/(pi m) L/c; a step is shorter
+# by sqrt(1 + m) until then (docs/records/sound.md).
 RELAXATION = 1.0
 # Radians that a flow turns by until the sound of a tension that sets in at once has died to 1 % (theory: riemann#a1).
 QUIET = 0.25
