@@ -1,6 +1,7 @@
 """A small standing capillary wave between two viscous fluids: Prosperetti's solution of the initial-value problem.
 
     python scripts/prosperetti.py --laplace 3000 --ratio 1 1000 > cases/reference/n_capillary_wave.csv
+    python scripts/prosperetti.py --reynolds 2.5 25 250 > cases/reference/m_standing_wave_viscous.csv
 
 Two fluids without limits, of equal kinematic viscosity, at rest with the interface at y = a_0 cos(kx); A. Prosperetti, Phys.
 Fluids 24 (1981) 1217. With omega^2 = sigma k^3/(rho_1 + rho_2), n = nu k^2 and beta = rho_1 rho_2/(rho_1 + rho_2)^2
@@ -14,6 +15,9 @@ z_i are the roots of
 
 and Z_i the products of the differences z_j - z_i to the other three. For different kinematic viscosities there is no such
 form.
+
+A gravity wave under a vacuum has beta = 0 and omega^2 = g k tanh(kH): of a depth H with a smooth floor, n alone is that of
+deep water, by a share of 1 - tanh(kH), 0.4 % of what friction does with H half a wavelength.
 """
 
 from __future__ import annotations
@@ -39,7 +43,25 @@ def amplitude(
     """
     k = 2 * np.pi / wavelength
     total = sum(density)
-    omega2, n, beta = tension * k**3 / total, viscosity * k * k, density[0] * density[1] / total**2
+    return _amplitude(time, tension * k**3 / total, viscosity * k * k, density[0] * density[1] / total**2)
+
+
+def gravity_wave(time: np.ndarray, viscosity: float, wavelength: float, depth: float, gravity: float) -> np.ndarray:
+    """Return a/a_0 (n,) of the free surface of a basin with a smooth floor.
+
+    Args:
+        time: since the start, at rest [s], (n,).
+        viscosity: kinematic [m^2/s].
+        wavelength: of the wave [m].
+        depth: of the basin [m].
+        gravity: its acceleration [m/s^2].
+    """
+    k = 2 * np.pi / wavelength
+    return _amplitude(time, gravity * k * np.tanh(k * depth), viscosity * k * k, 0.0)
+
+
+def _amplitude(time: np.ndarray, omega2: float, n: float, beta: float) -> np.ndarray:
+    """Return a/a_0 (n,) for omega^2 [1/s^2], n = nu k^2 [1/s] and beta."""
     roots = np.roots(
         [1, -4 * beta * n**0.5, 2 * (1 - 6 * beta) * n, 4 * (1 - 3 * beta) * n**1.5, (1 - 4 * beta) * n**2 + omega2]
     )
@@ -53,6 +75,16 @@ def amplitude(
     return result.real
 
 
+def standing_waves(numbers: list[float]) -> None:
+    """Print a/a_0 over the time [s], a column for each Reynolds number, of the wave of cases/standing_wave.yaml."""
+    time = np.linspace(0.0, 5.0, 501)
+    depth, gravity = 1.0, 9.81
+    scale = depth * np.sqrt(gravity * depth)
+    columns = [gravity_wave(time, scale / number, 2.0, depth, gravity) for number in numbers]
+    print("t_s", *(f"Re_{number:g}" for number in numbers), sep=",")
+    np.savetxt(sys.stdout, np.column_stack([time, *columns]), fmt="%.8g", delimiter=",")
+
+
 def main() -> None:
     """Print a/a_0 over omega t, a column for each ratio of densities; Laplace number of the denser fluid."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
@@ -60,7 +92,10 @@ def main() -> None:
     parser.add_argument("--ratio", type=float, nargs="+", default=[1.0, 1000.0], help="of the densities, 1 or more")
     parser.add_argument("--end", type=float, default=25.0, help="omega t")
     parser.add_argument("--rows", type=int, default=501)
+    parser.add_argument("--reynolds", type=float, nargs="+", help="H sqrt(gH)/nu: the standing wave of 2 m in 1 m of water")
     options = parser.parse_args()
+    if options.reynolds:
+        return standing_waves(options.reynolds)
     turned = np.linspace(0.0, options.end, options.rows)
     columns = [turned]
     for ratio in options.ratio:

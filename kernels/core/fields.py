@@ -55,6 +55,11 @@ def moving_bodies(spec: Spec) -> bool:
     return spec.bodies and spec.moving
 
 
+def viscous_surface(spec: Spec) -> bool:
+    """Return whether there is a free surface that friction pulls at."""
+    return spec.free_surface and spec.viscosity != "none"
+
+
 def free_surface(spec: Spec) -> bool:
     """Runs with a free surface."""
     return spec.free_surface

@@ -220,7 +220,7 @@ def make_assemble(spec: Spec) -> Any:
         if relaxed == 1:
             # BDF2 of dD/dt = -(D - wanted)/tau, the right side extrapolated: stable up to dt = tau
             rate = wp.float64(2.0) * clock[SPEED] / wp.float64(params.h)
-            if wp.static(spec.bodies):
+            if wp.static(spec.bodies or (spec.free_surface and spec.viscosity != "none")):
                 rate += wp.float64(friction_rate(params.h, phases[0]))
             rate = wp.min(rate, wp.float64(1.0) / clock[STEP])
             left_now = wp.float64(dilation[i])
@@ -247,10 +247,11 @@ def make_assemble(spec: Spec) -> Any:
 def make_accept(spec: Spec) -> Any:
     """Return the kernel that takes the solution as pressure; particles of the surface keep theirs.
 
-    A fluid with a free surface holds no more tension than its motion explains: in a thin tip that is torn apart it would
-    pull single particles together like bullets. A rotating square, the case with most of it, needs 0.3 rho u_max^2.
+    A fluid with a free surface holds no more tension than its motion and friction explain: in a thin tip that is torn apart
+    it would pull single particles together like bullets. A rotating square, the case with most of it, needs 0.3 rho u_max^2;
+    friction across a surface that is drawn together is balanced by a tension of up to 2 mu |grad u|.
     """
-    real, _, _, pair = types_of(spec)
+    real, _, mat, pair = types_of(spec)
     Phase = make_phase(spec.precision)
 
     @wp.kernel(module="unique", enable_backward=False)
@@ -261,6 +262,7 @@ def make_accept(spec: Spec) -> Any:
         surface: wp.array(dtype=wp.uint8),
         unknown: wp.array(dtype=real),
         rest_volume: wp.array(dtype=real),
+        velocity_gradient: wp.array(dtype=mat),
         pressure: wp.array(dtype=real),
         state: wp.array(dtype=pair),
         zone: wp.array(dtype=wp.int8),
@@ -272,7 +274,11 @@ def make_accept(spec: Spec) -> Any:
         if wp.static(spec.free_surface):
             if surface[i] == wp.uint8(INSIDE):
                 speed = real(clock[SPEED])
-                pressure[i] = wp.max(unknown[i], real(-TENSION) * phases[0].density * speed * speed)
+                most = real(TENSION) * phases[0].density * speed * speed
+                if wp.static(spec.viscosity != "none"):
+                    g = velocity_gradient[i]
+                    most += real(2.0) * phases[0].viscosity * wp.sqrt(wp.ddot(g, g))
+                pressure[i] = wp.max(unknown[i], -most)
         else:
             pressure[i] = unknown[i]
         state[i] = pair(pressure[i], rest_volume[i])

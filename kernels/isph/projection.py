@@ -50,7 +50,6 @@ from warpsph.kernels.core.weights import make_weights
 # surface it is 0.6, at a right-angled edge 0.36.
 SMALLEST_MOMENT = 0.45
 PAIRING = 0.2  # extra weight (W/W(dx))^4 of near particles in the shift: sum grad W alone is even for pairs (Lind 2012)
-FILLED = 0.9  # spread, of the dimension, above which friction is divided by it: a particle with neighbours on all sides
 CLOSEST = 0.4  # distance to which a particle may come to a wall, in spacings; a resting row has 0.5
 
 
@@ -168,6 +167,7 @@ def make_predict(spec: Spec) -> Any:
         slot: int,
         particle_count: int,
         list_width: int,
+        full_spread: real,
         params: Params,
         sides: Sides,
         phases: wp.array(dtype=Phase),
@@ -189,6 +189,7 @@ def make_predict(spec: Spec) -> Any:
         spread: wp.array(dtype=real),
         company: wp.array(dtype=real),
         surface_normal: wp.array(dtype=vec),
+        velocity_gradient: wp.array(dtype=mat),
         velocity_star: wp.array(dtype=vec),
         pressure: wp.array(dtype=real),
         unknown: wp.array(dtype=real),
@@ -293,14 +294,18 @@ def make_predict(spec: Spec) -> Any:
         if wp.static(spec.central_force):
             a -= params.pull * (xi - params.center)
         if wp.static(viscous):
+            if wp.static(spec.free_surface):
+                velocity_gradient[i] = mat()
             if known:
                 # exact for a quadratic field on an even arrangement: take out what an uneven one makes of a linear field,
                 # and divide by the second moment (theory: common#lattice, column L)
                 shear = (flow * inverse) * g_norm
+                if wp.static(spec.free_surface):
+                    velocity_gradient[i] = shear
                 linear = shear * even
                 if wp.static(spec.viscosity == "radial"):
                     linear = linear + wp.transpose(shear) * even + wp.trace(shear) * even
-                if spread[i] > real(wp.static(FILLED * dimension)):
+                if spread[i] > full_spread:
                     viscous_sum = (viscous_sum - real(2.0) * linear) * (real(dimension) / spread[i])
             a += viscous_sum * (phases[0].viscosity / phases[0].density * g_norm)
         if wp.static(spec.open_axis >= 0):

@@ -11,11 +11,15 @@ from typing import Any
 
 import warp as wp
 
+from warpsph.kernels.core.clock import STEP
 from warpsph.kernels.core.mirror import code_shift, make_images, make_sides
 from warpsph.kernels.core.pair import WRAPPED, list_access
-from warpsph.kernels.core.params import make_params
+from warpsph.kernels.core.params import make_params, make_phase
 from warpsph.kernels.core.smoothing import make_smoothing
 from warpsph.kernels.core.spec import Spec, types_of
+from warpsph.kernels.core.weights import make_weights
+
+from .surface_friction import make_stress_pressure
 
 INSIDE = 0
 SURFACE = 1
@@ -42,8 +46,9 @@ WITHIN = 0.15
 def make_surface(spec: Spec) -> tuple[Any, Any]:
     """Return the kernels (find_surface, drop_fragments) that flag the particles at the surface and give them their pressure.
 
-    The surface with p = 0 is outside of them: p = -depth n.grad p^n, but no more than the mean pressure around them, which
-    is that further inside; an isolated one has p = 0. A crowded row is deeper below its surface than an even one, a
+    The surface is outside of them: p = p_s - depth n.grad p^n, but no farther from p_s, which balances friction across the
+    surface (`surface_friction`) and is 0 without, than the mean pressure around them, which is that further inside; an
+    isolated one has p = 0. A crowded row is deeper below its surface than an even one, a
     stretched one less deep. How deep a particle is that comes to the surface follows from the spread, which is `first_row`
     for the outermost and `second_row` for the next row of an even arrangement, half a spacing (`surface_depth`) and three
     times that below. From then on `regularise` lets the depth follow the flow.
@@ -51,12 +56,15 @@ def make_surface(spec: Spec) -> tuple[Any, Any]:
     A particle that is inside, but among particles of the surface alone, is part of a splash of a few. Its pressure would
     push them away and pull itself after them, faster and faster: it is counted to the surface.
     """
-    real, vec, _, _ = types_of(spec)
+    real, vec, mat, _ = types_of(spec)
     Params = make_params(spec.dimension, spec.precision)
+    Phase = make_phase(spec.precision)
     Sides = make_sides(spec.dimension, spec.precision)
     apart = make_images(spec).apart
     _, slope = make_smoothing(spec.kernel, spec.precision)
     list_begin, list_step, neighbour, Listed = list_access(spec)
+    stress_pressure = make_stress_pressure(spec.dimension, spec.precision)
+    time_weights = make_weights(spec.second_order)
     periodic = any(spec.periodic)
     dimension = float(spec.dimension)
     image_bit = code_shift(spec.dimension)
@@ -72,6 +80,7 @@ def make_surface(spec: Spec) -> tuple[Any, Any]:
         second_row: real,
         params: Params,
         sides: Sides,
+        phases: wp.array(dtype=Phase),
         neighbours: Listed,
         fluid_neighbours: wp.array(dtype=wp.int16),
         wall_neighbours: wp.array(dtype=wp.int16),
@@ -80,6 +89,11 @@ def make_surface(spec: Spec) -> tuple[Any, Any]:
         company: wp.array(dtype=real),
         spread: wp.array(dtype=real),
         surface_normal: wp.array(dtype=vec),
+        velocity_gradient: wp.array(dtype=mat),
+        correction: wp.array(dtype=mat),
+        crowding: wp.array(dtype=vec),
+        surface_stress: wp.array(dtype=real),
+        clock: wp.array(dtype=wp.float64),
         lasting_gradient: wp.array(dtype=vec),
         unknown: wp.array(dtype=real),
         exposed: wp.array(dtype=wp.uint8),
@@ -89,6 +103,9 @@ def make_surface(spec: Spec) -> tuple[Any, Any]:
     ):
         i = wp.tid() + first
         spread_depth[i] = real(0.0)
+        if wp.static(spec.viscosity != "none"):
+            stress_before = surface_stress[i]
+            surface_stress[i] = real(0.0)
         share = company[i] / real(dimension)
         # in a corner of walls the own images are a quarter of the spread, and a resting particle there is no candidate
         if share >= real(CANDIDATE) or (share >= real(CORNER) and spread[i] >= real(wp.static(CANDIDATE * dimension))):
@@ -133,16 +150,22 @@ def make_surface(spec: Spec) -> tuple[Any, Any]:
             exposed[i] = wp.uint8(INSIDE)
         else:
             exposed[i] = wp.uint8(SURFACE)
-            p = real(0.0)
+            stress = real(0.0)  # what balances the friction across the surface
+            if wp.static(spec.viscosity != "none"):
+                reach = real(time_weights(clock)[2] * clock[STEP])
+                slope_own = correction[i] * crowding[i]
+                stress = stress_pressure(n, velocity_gradient[i], slope_own, stress_before, phases[0], reach)
+                surface_stress[i] = stress
+            p = stress
             if share > real(FLAT) and not covered:
-                most = wp.abs(mean) / wp.max(found, real(1.0))
+                most = wp.abs(mean / wp.max(found, real(1.0)) - stress)
                 rows = real(2.0) * (spread[i] / real(dimension) - first_row) / (second_row - first_row)
                 even = wp.clamp(real(1.0) + rows, real(SHALLOWEST), real(DEEPEST))
                 spread_depth[i] = even
                 if row_depth[i] <= real(0.0):
                     row_depth[i] = even  # new at the surface
                 depth = surface_depth * row_depth[i]
-                p = wp.clamp(-depth * wp.dot(n, lasting_gradient[i]), -most, most)
+                p = stress + wp.clamp(-depth * wp.dot(n, lasting_gradient[i]), -most, most)
             pressure[i] = p
 
     @wp.kernel(module="unique", enable_backward=False)

@@ -56,3 +56,19 @@ def test_late_it_is_the_normal_mode(density):
     modes = np.column_stack([np.exp(s.real * t) * np.cos(s.imag * t), np.exp(s.real * t) * np.sin(s.imag * t)])
     fitted = modes @ np.linalg.lstsq(modes, a, rcond=None)[0]
     assert np.abs(a - fitted).max() < 0.01 * np.abs(a).max()
+
+
+@pytest.mark.parametrize("reynolds", [25.0, 250.0])
+def test_a_gravity_wave_is_late_its_normal_mode(reynolds):
+    """Lamb 1932, art. 349: (s + 2n)^2 + omega^2 = 4 n^(3/2) sqrt(s + n), n = nu k^2."""
+    depth, gravity, k = 1.0, 9.81, np.pi
+    nu = depth * np.sqrt(gravity * depth) / reynolds
+    n, omega = nu * k * k, np.sqrt(gravity * k * np.tanh(k * depth))
+    mode = -2 * n + 1j * omega
+    for _ in range(200):
+        mode = -2 * n + 1j * np.sqrt(omega**2 - 4 * n**1.5 * np.sqrt(mode + n))
+    t = np.linspace(8 / omega, 14 / omega, 400)
+    fitted = np.column_stack([np.exp(mode * t).real, np.exp(mode * t).imag])
+    a = script("prosperetti").gravity_wave(t, nu, 2.0, depth, gravity)
+    rest = a - fitted @ np.linalg.lstsq(fitted, a, rcond=None)[0]
+    assert np.abs(rest).max() < 0.02 * np.abs(a).max()

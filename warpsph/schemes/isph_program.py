@@ -40,6 +40,7 @@ from warpsph.kernels.isph.printed_projection import (
 from warpsph.kernels.isph.projection import make_advect, make_predict, make_settle
 from warpsph.kernels.isph.regularise import make_regularise
 from warpsph.kernels.isph.surface import make_surface
+from warpsph.kernels.isph.surface_friction import make_surface_stress
 from warpsph.kernels.isph.surface_smoothing import make_smooth_surface
 from warpsph.schemes.map_stages import exponents, follow_shift, windows
 from warpsph.schemes.open_stages import crossing, fill
@@ -125,7 +126,7 @@ def first(spec: Spec) -> list[Node]:
 
 def start(spec: Spec) -> list[Node]:
     """Return the nodes that find the gradient of the start pressure, which the surface stage would overwrite."""
-    seen = [stage for stage in look(spec) if stage.name not in ("surface", "fragments")]
+    seen = [stage for stage in look(spec) if stage.name not in ("surface", "fragments", "surface_friction")]
     return [
         *signals(spec),
         *bodies(spec),
@@ -248,6 +249,9 @@ def look(spec: Spec) -> list[Stage]:
         find, drop = make_surface(spec)
         stages.append(Stage("surface", find, "fluid", "particles at the free surface, where p = 0"))
         stages.append(Stage("fragments", drop, "fluid", "splashes of a few particles have no inside"))
+        if spec.viscosity != "none":
+            stress = make_surface_stress(spec)
+            stages.append(Stage("surface_friction", stress, "fluid", "stress across the surface, which its pressure balances"))
     return stages
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -130,13 +131,12 @@ class IsphScheme(FlowThrough):
             "surface_depth": float(choices["surface_offset"]) * case.spacing,
             "first_row": first_row,
             "second_row": second_row,
+            "full_spread": math.sqrt(second_row) * physics.spec.dimension,
             "row_strain": row_strain(physics.spec, physics.h / case.spacing, float(choices["surface_offset"])),
         }
 
     def set_clock(self, clock: np.ndarray, counters: np.ndarray, physics: Physics) -> None:
         """Leave sound and skin out of the step, whose list is made anew; let implicit viscosity limit it by accuracy."""
-        import math
-
         from warpsph.kernels.core import clock as ck
         from warpsph.schemes.isph_physics import CHANGE
 

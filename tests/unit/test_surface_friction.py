@@ -1,0 +1,67 @@
+"""Friction across a free surface of ISPH (theory: isph#surface-stress)."""
+
+import importlib.util
+from pathlib import Path
+
+import numpy as np
+
+from warpsph.case.case import Case
+from warpsph.case.case_file import load_case
+from warpsph.simulation import Simulation
+
+ROOT = Path(__file__).parents[2]
+K = 2 * np.pi
+
+
+def strained(spacings):
+    """The potential flow of a wave without weight in a very viscous basin, a few short steps after its start."""
+    speed, depth, step = 1e-3, 0.5, 1e-5
+    case = Case.from_dict(
+        {
+            "dimension": 2,
+            "precision": "float64",
+            "particle_spacing": 1 / spacings,
+            "end_time": 30 * step,
+            "domain": {
+                "lower": [0, 0],
+                "upper": [1, 0.75],
+                "boundary": {"x": "periodic", "y": {"lower": {"wall": "free_slip"}, "upper": "open"}},
+            },
+            "phases": {"water": {"density": 1000, "viscosity": 10}},
+            "fluids": [{"phase": "water", "shape": {"box": {"lower": [0, 0], "upper": [1, depth]}}}],
+            "start": {"velocity": [f"-{speed}*cosh({K}*y)*sin({K}*x)", f"{speed}*sinh({K}*y)*cos({K}*x)"]},
+            "numerics": {"scheme": "isph", "maximum_step": step, "implicit_viscosity": False},
+            "output": {"particles": "none", "checkpoint": "none"},
+        }
+    )
+    return case, 2 * 10 * speed * K
+
+
+def share(spacings):
+    """Pressure in rows 2 to 5 over the exact one, 2 mu dv/dy at the surface and harmonic below."""
+    case, stress = strained(spacings)
+    fluid = Simulation(case, threads=1).run().state.fluid
+    x, y = fluid.position.T
+    near = (y > 0.5 - 5.2 / spacings) & (y < 0.5 - 1.2 / spacings)
+    exact = stress * np.cosh(K * y) * np.cos(K * x)
+    return (fluid.pressure * exact)[near].sum() / (exact**2)[near].sum()
+
+
+def test_pressure_balances_the_stress_across_a_surface():
+    """First order: 0.68, 0.83, 0.91 with 24, 48, 96 spacings a wave; friction in the row alone makes 0.4, and no more."""
+    coarse, fine = share(24), share(48)
+    assert fine < 1.0
+    assert 1 - fine < 0.6 * (1 - coarse) < 0.6 * 0.4
+
+
+def test_a_wave_with_friction_comes_to_rest_level():
+    """Re 25, 24 spacings: rms 3 % of the amplitude; 10 %, and a tilt that stays, with friction in the row alone."""
+    loaded = importlib.util.spec_from_file_location("prosperetti", ROOT / "scripts/prosperetti.py")
+    script = importlib.util.module_from_spec(loaded)
+    loaded.loader.exec_module(script)
+    changes = ["particle_spacing=1/24", "numerics.scheme=isph", "phases.water.viscosity=125.28", "output.particles=none"]
+    wave = Simulation(load_case(ROOT / "cases/standing_wave.yaml", changes), threads=1).run().gauge("wave")
+    exact = script.gravity_wave(wave["time"], 0.12528, 2.0, 1.0, 9.81)
+    off = wave["centroid_x water"] / (-2 * 0.05 / np.pi**2) - exact
+    assert np.sqrt((off**2).mean()) < 0.04
+    assert abs(off[-50:].mean()) < 0.04
