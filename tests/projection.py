@@ -12,7 +12,7 @@ from warpsph.kernels.core.smoothing import KERNELS
 from warpsph.kernels.core.spec import Spec, types_of
 from warpsph.kernels.isph import surface as sf
 from warpsph.schemes import isph_program as isph
-from warpsph.schemes.isph_physics import row_shares, row_strain
+from warpsph.schemes.isph_physics import full_share, row_shares, row_strain
 from warpsph.solvers.linear_solver import EllMatrix, LinearSolver
 
 INSIDE, SURFACE, ISOLATED = sf.INSIDE, sf.SURFACE, sf.ISOLATED
@@ -136,6 +136,7 @@ class Stages(Bench):
         self.bindings.update(
             first_row=first_row,
             second_row=second_row,
+            full_spread=full_share(spec, self.h / options["spacing"]) * spec.dimension,
             row_strain=row_strain(spec, self.h / options["spacing"], surface_depth / options["spacing"]),
             advancing=1,
             component=0,

@@ -22,7 +22,7 @@ ISPH_FIELDS: tuple[Field, ...] = (
     Field("velocity_gradient", "mat", "fluid", False, free_surface, "1/s", "of the velocity ahead, later of the new one"),
     Field("row_depth", "real", "fluid", True, free_surface, "-", "depth below the surface over an even row's; 0 elsewhere"),
     Field("spread_depth", "real", "fluid", False, free_surface, "-", "the same as the spread has it; 0 where p = 0"),
-    Field("surface_stress", "real", "fluid", True, viscous_surface, "Pa", "of friction across the surface, that p balances"),
+    Field("surface_stress", "real", "fluid", True, viscous_surface, "Pa", "pressure that balances friction across it"),
     Field("smoothing", "real", "fluid", False, free_surface, "-", "share of a deviation that smoothing takes out in a step"),
     Field("beside", "vec", "fluid", True, bodies, "-", "normal of the surface before a particle in the last step; 0: none"),
     Field("wall_gap", "real", "fluid", True, bodies, "m", "distance from it"),

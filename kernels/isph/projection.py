@@ -50,6 +50,7 @@ from warpsph.kernels.core.weights import make_weights
 # surface it is 0.6, at a right-angled edge 0.36.
 SMALLEST_MOMENT = 0.45
 PAIRING = 0.2  # extra weight (W/W(dx))^4 of near particles in the shift: sum grad W alone is even for pairs (Lind 2012)
+FILLED = 0.9  # spread, of the dimension, above which friction is divided by it where there is no free surface
 CLOSEST = 0.4  # distance to which a particle may come to a wall, in spacings; a resting row has 0.5
 
 

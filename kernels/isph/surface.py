@@ -11,15 +11,11 @@ from typing import Any
 
 import warp as wp
 
-from warpsph.kernels.core.clock import STEP
 from warpsph.kernels.core.mirror import code_shift, make_images, make_sides
 from warpsph.kernels.core.pair import WRAPPED, list_access
-from warpsph.kernels.core.params import make_params, make_phase
+from warpsph.kernels.core.params import make_params
 from warpsph.kernels.core.smoothing import make_smoothing
 from warpsph.kernels.core.spec import Spec, types_of
-from warpsph.kernels.core.weights import make_weights
-
-from .surface_friction import make_stress_pressure
 
 INSIDE = 0
 SURFACE = 1
@@ -56,15 +52,12 @@ def make_surface(spec: Spec) -> tuple[Any, Any]:
     A particle that is inside, but among particles of the surface alone, is part of a splash of a few. Its pressure would
     push them away and pull itself after them, faster and faster: it is counted to the surface.
     """
-    real, vec, mat, _ = types_of(spec)
+    real, vec, _, _ = types_of(spec)
     Params = make_params(spec.dimension, spec.precision)
-    Phase = make_phase(spec.precision)
     Sides = make_sides(spec.dimension, spec.precision)
     apart = make_images(spec).apart
     _, slope = make_smoothing(spec.kernel, spec.precision)
     list_begin, list_step, neighbour, Listed = list_access(spec)
-    stress_pressure = make_stress_pressure(spec.dimension, spec.precision)
-    time_weights = make_weights(spec.second_order)
     periodic = any(spec.periodic)
     dimension = float(spec.dimension)
     image_bit = code_shift(spec.dimension)
@@ -80,7 +73,6 @@ def make_surface(spec: Spec) -> tuple[Any, Any]:
         second_row: real,
         params: Params,
         sides: Sides,
-        phases: wp.array(dtype=Phase),
         neighbours: Listed,
         fluid_neighbours: wp.array(dtype=wp.int16),
         wall_neighbours: wp.array(dtype=wp.int16),
@@ -89,11 +81,7 @@ def make_surface(spec: Spec) -> tuple[Any, Any]:
         company: wp.array(dtype=real),
         spread: wp.array(dtype=real),
         surface_normal: wp.array(dtype=vec),
-        velocity_gradient: wp.array(dtype=mat),
-        correction: wp.array(dtype=mat),
-        crowding: wp.array(dtype=vec),
         surface_stress: wp.array(dtype=real),
-        clock: wp.array(dtype=wp.float64),
         lasting_gradient: wp.array(dtype=vec),
         unknown: wp.array(dtype=real),
         exposed: wp.array(dtype=wp.uint8),
@@ -103,9 +91,6 @@ def make_surface(spec: Spec) -> tuple[Any, Any]:
     ):
         i = wp.tid() + first
         spread_depth[i] = real(0.0)
-        if wp.static(spec.viscosity != "none"):
-            stress_before = surface_stress[i]
-            surface_stress[i] = real(0.0)
         share = company[i] / real(dimension)
         # in a corner of walls the own images are a quarter of the spread, and a resting particle there is no candidate
         if share >= real(CANDIDATE) or (share >= real(CORNER) and spread[i] >= real(wp.static(CANDIDATE * dimension))):
@@ -152,10 +137,7 @@ def make_surface(spec: Spec) -> tuple[Any, Any]:
             exposed[i] = wp.uint8(SURFACE)
             stress = real(0.0)  # what balances the friction across the surface
             if wp.static(spec.viscosity != "none"):
-                reach = real(time_weights(clock)[2] * clock[STEP])
-                slope_own = correction[i] * crowding[i]
-                stress = stress_pressure(n, velocity_gradient[i], slope_own, stress_before, phases[0], reach)
-                surface_stress[i] = stress
+                stress = surface_stress[i]
             p = stress
             if share > real(FLAT) and not covered:
                 most = wp.abs(mean / wp.max(found, real(1.0)) - stress)
@@ -182,6 +164,7 @@ def make_surface(spec: Spec) -> tuple[Any, Any]:
         company: wp.array(dtype=real),
         exposed: wp.array(dtype=wp.uint8),
         surface: wp.array(dtype=wp.uint8),
+        surface_stress: wp.array(dtype=real),
         pressure: wp.array(dtype=real),
     ):
         i = wp.tid() + first
@@ -209,6 +192,8 @@ def make_surface(spec: Spec) -> tuple[Any, Any]:
             if within * params.g_norm * params.wall_volume < real(wp.static(WITHIN * dimension)):
                 kind = wp.uint8(SURFACE)
                 pressure[i] = real(0.0)
+                if wp.static(spec.viscosity != "none"):
+                    pressure[i] = surface_stress[i]
         surface[i] = kind
 
     return find_surface, drop_fragments

@@ -15,9 +15,10 @@ from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, types, types_of
 from warpsph.kernels.core.viscosity import make_viscosity
 from warpsph.kernels.core.weights import make_weights
 
-# Answer of the stress to a pressure over that of the row's own slope: half of it comes again by the depth, through the
-# gradient of the pressure. 1, 2, 4 need 8900, 990, 1900 steps in a wave at Re 2.5 (docs/records/isph.md#stress).
-ANSWER = 2.0
+# Answer of the stress to a pressure over that of the row's own slope: some of it comes again by the depth, through the
+# gradient of the pressure. From 6 to 20 steps are as long as friction alone allows, and errors the same; with 2 a flow at
+# Re 2.5 needs three times the steps, with what creeps sixty times (docs/records/isph.md#stress).
+ANSWER = 6.0
 
 
 @functools.cache
@@ -27,7 +28,7 @@ def make_stress_pressure(dimension: int, precision: str) -> Any:
     A pressure p of a row slows it down across the surface at p slope/rho, slope = |L sum grad W V|, and its gradient G
     answers with the same slope: in the time `reach` by ANSWER slope^2 reach p/rho. From one step to the next the pressure
     goes as much of the way as this answer leaves it stable, all of it with short steps; `before` is that of the last step,
-    0 for a particle that is new at the surface.
+    0 for a particle that is new near the surface.
     """
     real, vec, mat, _ = types(dimension, precision)
     Phase = make_phase(precision)
@@ -44,17 +45,17 @@ def make_stress_pressure(dimension: int, precision: str) -> Any:
 
 
 @functools.cache
-def make_surface_stress(spec: Spec) -> Any:
-    """Return the sweep that takes out of u* what pairs make, across a free surface, of a linear velocity field.
+def make_surface_friction(spec: Spec) -> Any:
+    """Return the sweep that finds the pressure which balances friction across a free surface, and takes that out of u*.
 
-    Friction between the pairs of a truncated support ends at the surface: of a linear field v = G x it leaves the force
+    Friction between the pairs of a truncated support ends at the surface: of a linear velocity field it leaves the force
     that makes the stress mu (G + G^T) n vanish there. Along the surface that is the condition of a free surface. Across it
-    the pressure of the surface, p = 2 mu n.Gn, balances the stress; a row would have it twice, and as a force in one row
-    where the gradient of the pressure is looked for.
+    the pressure of the surface, p_s = 2 mu n.Gn, balances the stress; a row would have it twice, and as a force in one row
+    where the gradient of the pressure is looked for. What pairs make of the flow E p_s/(2 mu) across the surface goes,
 
-        u* <- u* - beta dt nu n (n.sum_j V_j F_ij term(G x_ij, x_ij))
+        u* <- u* - beta dt/(2 rho) p_s n (n.sum_j V_j F_ij term(E x_ij, x_ij)),    E = n (x) n - (1 - n (x) n)/(d - 1)
 
-    Where a support is full, `predict` has taken out the whole of it.
+    Where a support is full, `predict` has taken out all that pairs make of a linear field.
     """
     real, vec, mat, _ = types_of(spec)
     Params = make_params(spec.dimension, spec.precision)
@@ -64,13 +65,15 @@ def make_surface_stress(spec: Spec) -> Any:
     apart = make_images(spec).apart
     list_begin, list_step, neighbour, Listed = list_access(spec)
     viscous_term = make_viscosity(spec.viscosity, spec.dimension, spec.precision)
+    stress_pressure = make_stress_pressure(spec.dimension, spec.precision)
     time_weights = make_weights(spec.second_order)
     periodic = any(spec.periodic)
     image_bit = code_shift(spec.dimension)
     index_mask = (1 << image_bit) - 1
+    sideways = 1.0 / (spec.dimension - 1)
 
     @wp.kernel(module="unique", enable_backward=False, module_options=SWEEP_OPTIONS)
-    def surface_stress(
+    def surface_friction(
         first: int,
         particle_count: int,
         list_width: int,
@@ -88,10 +91,11 @@ def make_surface_stress(spec: Spec) -> Any:
         slip: wp.array(dtype=wp.uint8),
         boundary_volume: wp.array(dtype=real),
         spread: wp.array(dtype=real),
-        surface: wp.array(dtype=wp.uint8),
-        exposed: wp.array(dtype=wp.uint8),
+        correction: wp.array(dtype=mat),
+        crowding: wp.array(dtype=vec),
         surface_normal: wp.array(dtype=vec),
         velocity_gradient: wp.array(dtype=mat),
+        surface_stress: wp.array(dtype=real),
         velocity_star: wp.array(dtype=vec),
         zone: wp.array(dtype=wp.int8),
     ):
@@ -99,11 +103,17 @@ def make_surface_stress(spec: Spec) -> Any:
         if wp.static(spec.open_axis >= 0):
             if int(zone[i]) != FLUID:
                 return
-        if spread[i] > full_spread or surface[i] != exposed[i]:
-            return  # a fragment has p = 0, and its friction
+        before = surface_stress[i]
+        surface_stress[i] = real(0.0)
+        if spread[i] > full_spread:
+            return
         xi = position[i]
         n = surface_normal[i]
-        flow = velocity_gradient[i]
+        reach = real(time_weights(clock)[2] * clock[STEP])
+        stress = stress_pressure(n, velocity_gradient[i], correction[i] * crowding[i], before, phases[0], reach)
+        surface_stress[i] = stress
+        aside = real(sideways)
+        across = real(1.0) + aside
         wrapped = bool(False)
         if wp.static(periodic):
             wrapped = (int(flags[i]) & WRAPPED) != 0
@@ -121,7 +131,7 @@ def make_surface_stress(spec: Spec) -> Any:
             d = apart(xi, position[j], code, wrapped, params, sides)
             r2 = wp.dot(d, d)
             f = slope(wp.sqrt(r2) * params.inv_h) * rest_volume[j]
-            total += f * viscous_term(flow * d, d, r2 + params.tiny, params.inv_h)
+            total += f * viscous_term(across * wp.dot(n, d) * n - aside * d, d, r2 + params.tiny, params.inv_h)
         if wp.static(spec.walls and spec.wall_no_slip):
             end += int(wall_neighbours[i]) * step
             while k < end:
@@ -135,9 +145,8 @@ def make_surface_stress(spec: Spec) -> Any:
                     if wp.static(spec.bodies):
                         wall_volume = boundary_volume[b]
                     f = slope(wp.sqrt(r2) * params.inv_h) * wall_volume
-                    total += f * viscous_term(flow * d, d, r2 + params.tiny, params.inv_h)
-        nu = phases[0].viscosity / phases[0].density
-        reach = real(time_weights(clock)[2] * clock[STEP])
-        velocity_star[i] = velocity_star[i] - n * (reach * nu * params.g_norm * wp.dot(n, total))
+                    total += f * viscous_term(across * wp.dot(n, d) * n - aside * d, d, r2 + params.tiny, params.inv_h)
+        share = real(0.5) * reach * stress / phases[0].density
+        velocity_star[i] = velocity_star[i] - n * (share * params.g_norm * wp.dot(n, total))
 
-    return surface_stress
+    return surface_friction

@@ -357,6 +357,7 @@ def test_divergence_of_a_linear_flow_is_exact(dimension, precision, device):
         )  # fmt: skip
         bench.look()
         bench.put("velocity_star", u)
+        bench.put("pressure", np.zeros(len(x)))  # that of the surface balances its friction
         _, right = bench.assemble()
         inside = (bench.get("surface") == INSIDE) & whole(bench)
         beta = weights(True, STEP["dt"], STEP["last"])[2]
@@ -364,13 +365,14 @@ def test_divergence_of_a_linear_flow_is_exact(dimension, precision, device):
         expected = -rate * np.trace(gradient)
         close = {"rtol": 0, "atol": 10 * EXACT[precision] * np.abs(expected).max()}
         np.testing.assert_allclose(right[inside], expected[inside], **close)
-        # relaxed: BDF2 of dD/dt = -D/tau with tau = h/(2 u_max), at least dt
+        # relaxed: BDF2 of dD/dt = -D/tau with 1/tau = 2 u_max/h + nu/h^2, tau at least dt
         before, earlier = np.random.default_rng(2).normal(size=(2, len(x)))
         bench.put("dilation", before)
         bench.put("dilation_old", earlier)
         bench.bindings["relaxed"] = 1
         c0, c1, _, omega = weights(True, STEP["dt"], STEP["last"])
-        for speed, ratio in ((0.2 * bench.h / STEP["dt"], 0.4), (2 * bench.h / STEP["dt"], 1.0)):
+        creep = WATER.viscosity / WATER.density / bench.h**2 * STEP["dt"]
+        for speed, ratio in ((0.2 * bench.h / STEP["dt"], min(0.4 + creep, 1.0)), (2 * bench.h / STEP["dt"], 1.0)):
             bench.set_clock(SPEED=speed)
             _, right = bench.assemble()
             stays = c0 * before - c1 * earlier - beta * ratio * (before + omega * (before - earlier))

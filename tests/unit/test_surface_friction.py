@@ -4,6 +4,7 @@ import importlib.util
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from warpsph.case.case import Case
 from warpsph.case.case_file import load_case
@@ -65,3 +66,34 @@ def test_a_wave_with_friction_comes_to_rest_level():
     off = wave["centroid_x water"] / (-2 * 0.05 / np.pi**2) - exact
     assert np.sqrt((off**2).mean()) < 0.04
     assert abs(off[-50:].mean()) < 0.04
+
+
+@pytest.mark.parametrize("viscosity", [1250.0, 12500.0])
+def test_what_creeps_comes_to_rest_in_long_steps(viscosity):
+    """Noise in a basin of 0.5 m at steps of 10 h^2/nu and more: it dies down, and steps are as long as friction alone allows.
+
+    With friction in the row alone energy grows from 0.3 s on; where pressure follows it at once steps are 50 times shorter.
+    """
+    case = Case.from_dict(
+        {
+            "dimension": 2,
+            "particle_spacing": 1 / 24,
+            "end_time": 1.5,
+            "gravity": [0, -9.81],
+            "domain": {
+                "lower": [-0.5, 0],
+                "upper": [0.5, 0.8],
+                "boundary": {"x": {"wall": "free_slip"}, "y": {"lower": {"wall": "free_slip"}, "upper": "open"}},
+            },
+            "phases": {"water": {"density": 1000, "viscosity": viscosity}},
+            "fluids": [{"phase": "water", "shape": {"box": {"lower": [-0.5, 0], "upper": [0.5, 0.5]}}}],
+            "start": {"noise": 0.1},
+            "gauges": {"energy": {"type": "energy", "interval": 0.1}},
+            "numerics": {"scheme": "isph"},
+            "output": {"particles": "none", "checkpoint": "none"},
+        }
+    )
+    run = Simulation(case, threads=1).run()
+    kinetic = run.gauge("energy")["kinetic"]
+    assert run.summary["steps"] < 400
+    assert (np.diff(kinetic[4:]) < 0).all()

@@ -11,6 +11,7 @@ from warpsph.case.gauge_models import LOAD_GAUGES
 from warpsph.errors import MISSING, CaseError, Problem
 from warpsph.kernels.core.smoothing import KERNELS, make_smoothing
 from warpsph.kernels.core.spec import Spec
+from warpsph.kernels.isph.projection import FILLED
 from warpsph.scene.forcing import forcing_of
 from warpsph.scene.open_faces import open_axis
 from warpsph.scene.physics import VISCOUS_LIMIT, Physics, check_periods, flow_scales, has_room, smoothing_ratio
@@ -52,6 +53,22 @@ def row_shares(spec: Spec, ratio: float) -> tuple[float, float]:
     spread = -terms * (points**2).sum(axis=1) / spec.dimension
     first, second = (float(spread[height < above].sum()) for above in (0.5, 1.5))
     return first, second
+
+
+def full_share(spec: Spec, ratio: float) -> float:
+    """Return the share of the spread from which on friction has neighbours on all sides (theory: isph#surface-stress).
+
+    With a free surface it is the geometric mean of the second row below it and of the inside, on a lattice.
+
+    Args:
+        spec: kernel, dimension, and whether there is a free surface.
+        ratio: smoothing length over spacing.
+    """
+    if not spec.free_surface:
+        return FILLED
+    terms, points = _pairs(spec, ratio)
+    spread = -terms * (points**2).sum(axis=1) / spec.dimension
+    return math.sqrt(float(spread[points[:, -1] < 1.5].sum()) * float(spread.sum()))
 
 
 def row_strain(spec: Spec, ratio: float, offset: float) -> float:

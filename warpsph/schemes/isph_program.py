@@ -40,7 +40,7 @@ from warpsph.kernels.isph.printed_projection import (
 from warpsph.kernels.isph.projection import make_advect, make_predict, make_settle
 from warpsph.kernels.isph.regularise import make_regularise
 from warpsph.kernels.isph.surface import make_surface
-from warpsph.kernels.isph.surface_friction import make_surface_stress
+from warpsph.kernels.isph.surface_friction import make_surface_friction
 from warpsph.kernels.isph.surface_smoothing import make_smooth_surface
 from warpsph.schemes.map_stages import exponents, follow_shift, windows
 from warpsph.schemes.open_stages import crossing, fill
@@ -246,12 +246,12 @@ def look(spec: Spec) -> list[Stage]:
         stages.append(Stage("wall_state", make_wall(spec), "wall", "mirrored velocity of the bodies"))
     stages.append(Stage("predict", make_predict(spec), "fluid", "velocity without pressure; correction of the gradient"))
     if spec.free_surface:
+        if spec.viscosity != "none":
+            friction = make_surface_friction(spec)
+            stages.append(Stage("surface_friction", friction, "fluid", "friction across a surface, which pressure balances"))
         find, drop = make_surface(spec)
         stages.append(Stage("surface", find, "fluid", "particles at the free surface, where p = 0"))
         stages.append(Stage("fragments", drop, "fluid", "splashes of a few particles have no inside"))
-        if spec.viscosity != "none":
-            stress = make_surface_stress(spec)
-            stages.append(Stage("surface_friction", stress, "fluid", "stress across the surface, which its pressure balances"))
     return stages
 
 

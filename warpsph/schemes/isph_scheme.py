@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -116,7 +115,7 @@ class IsphScheme(FlowThrough):
 
     def values(self, params: Any, case: Any, geometry: Geometry, physics: Physics, device: Any) -> dict[str, Any]:
         """Set the numbers of its sweeps; return those of the deferred correction and of the rows below a surface."""
-        from warpsph.schemes.isph_physics import row_shares, row_strain
+        from warpsph.schemes.isph_physics import full_share, row_shares, row_strain
 
         choices = physics.choices
         params.shifting = float(choices["shifting"])
@@ -131,12 +130,14 @@ class IsphScheme(FlowThrough):
             "surface_depth": float(choices["surface_offset"]) * case.spacing,
             "first_row": first_row,
             "second_row": second_row,
-            "full_spread": math.sqrt(second_row) * physics.spec.dimension,
+            "full_spread": full_share(physics.spec, physics.h / case.spacing) * case.dimension,
             "row_strain": row_strain(physics.spec, physics.h / case.spacing, float(choices["surface_offset"])),
         }
 
     def set_clock(self, clock: np.ndarray, counters: np.ndarray, physics: Physics) -> None:
         """Leave sound and skin out of the step, whose list is made anew; let implicit viscosity limit it by accuracy."""
+        import math
+
         from warpsph.kernels.core import clock as ck
         from warpsph.schemes.isph_physics import CHANGE
 
