@@ -70,7 +70,7 @@ def test_a_wave_with_friction_comes_to_rest_level():
 
 @pytest.mark.parametrize("viscosity", [1250.0, 12500.0])
 def test_what_creeps_comes_to_rest_in_long_steps(viscosity):
-    """Noise in a basin of 0.5 m at steps of 10 h^2/nu and more: it dies down, and steps are as long as friction alone allows.
+    """Noise in a basin of 0.5 m at steps of 10 h^2/nu and more: it dies down, steps are as long as friction alone allows.
 
     With friction in the row alone energy grows from 0.3 s on; where pressure follows it at once steps are 50 times shorter.
     """
