@@ -128,7 +128,7 @@ def test_a_sound_speed_has_no_meaning():
 def test_show_says_what_a_step_does_and_what_not():
     found = describe(case_of(TANK))
     stages = [stage["name"] for stage in found["stages"]]
-    begin = ["advect", "list", "predict", "surface", "fragments"]
+    begin = ["advect", "list", "predict", "surface_friction", "surface", "fragments"]
     assert stages == [*begin, "assemble", "solve", "accept", "correct", "regularise", "smooth_surface", "advance"]
     found = describe(case_of(CLOSED, numerics__formulation="paper"))
     assert "settle" in [stage["name"] for stage in found["stages"]]
