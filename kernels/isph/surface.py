@@ -42,12 +42,12 @@ WITHIN = 0.15
 def make_surface(spec: Spec) -> tuple[Any, Any]:
     """Return the kernels (find_surface, drop_fragments) that flag the particles at the surface and give them their pressure.
 
-    The surface is outside of them: p = p_s - depth n.grad p^n, but no farther from p_s, which balances friction across the
-    surface (`surface_friction`) and is 0 without, than the mean pressure around them, which is that further inside; an
-    isolated one has p = 0. A crowded row is deeper below its surface than an even one, a
-    stretched one less deep. How deep a particle is that comes to the surface follows from the spread, which is `first_row`
-    for the outermost and `second_row` for the next row of an even arrangement, half a spacing (`surface_depth`) and three
-    times that below. From then on `regularise` lets the depth follow the flow.
+    The surface is outside of them: p = p_s - depth n.grad p^n, but no farther from p_s than the mean pressure around them,
+    which is that further inside. p_s balances friction across the surface (`surface_friction`) and is 0 without; an isolated
+    one has p = 0. A crowded row is deeper below its surface than an even one, a stretched one less deep. How deep a
+    particle is that comes to the surface follows from the spread, which is `first_row` for the outermost and `second_row`
+    for the next row of an even arrangement, half a spacing (`surface_depth`) and three times that below. From then on
+    `regularise` lets the depth follow the flow.
 
     A particle that is inside, but among particles of the surface alone, is part of a splash of a few. Its pressure would
     push them away and pull itself after them, faster and faster: it is counted to the surface.

@@ -250,7 +250,7 @@ def look(spec: Spec) -> list[Stage]:
             friction = make_surface_friction(spec)
             stages.append(Stage("surface_friction", friction, "fluid", "friction across a surface, which pressure balances"))
         find, drop = make_surface(spec)
-        stages.append(Stage("surface", find, "fluid", "particles at the free surface, where p = 0"))
+        stages.append(Stage("surface", find, "fluid", "particles at the free surface, and their pressure"))
         stages.append(Stage("fragments", drop, "fluid", "splashes of a few particles have no inside"))
     return stages
 
