@@ -95,6 +95,8 @@ def main() -> None:
     parser.add_argument("--reynolds", type=float, nargs="+", help="H sqrt(gH)/nu: the standing wave of 2 m in 1 m of water")
     options = parser.parse_args()
     if options.reynolds:
+        if min(options.reynolds) <= 0:
+            parser.error("--reynolds: needs numbers above 0")
         return standing_waves(options.reynolds)
     turned = np.linspace(0.0, options.end, options.rows)
     columns = [turned]

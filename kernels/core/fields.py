@@ -57,7 +57,7 @@ def moving_bodies(spec: Spec) -> bool:
 
 def viscous_surface(spec: Spec) -> bool:
     """Return whether there is a free surface that friction pulls at."""
-    return spec.free_surface and spec.viscosity != "none"
+    return spec.free_surface and spec.viscosity != "none" and not spec.printed
 
 
 def free_surface(spec: Spec) -> bool:

@@ -56,7 +56,7 @@ def test_pressure_balances_the_stress_across_a_surface():
 
 
 def test_a_wave_with_friction_comes_to_rest_level():
-    """Re 25, 24 spacings: rms 3 % of the amplitude; 10 %, and a tilt that stays, where the divergence left over does not decay with nu/h^2."""
+    """Re 25, 24 spacings: rms 3 %; 10 % and a tilt that stays, where the divergence left over decays not with nu/h^2."""
     loaded = importlib.util.spec_from_file_location("prosperetti", ROOT / "scripts/prosperetti.py")
     script = importlib.util.module_from_spec(loaded)
     loaded.loader.exec_module(script)
@@ -72,7 +72,8 @@ def test_a_wave_with_friction_comes_to_rest_level():
 def test_what_creeps_comes_to_rest_in_long_steps(viscosity):
     """Noise in a basin of 0.5 m at steps of 10 h^2/nu and more: it dies down, steps are as long as friction alone allows.
 
-    Energy grew from 0.3 s on before the divergence left over decayed with nu/h^2; where pressure follows it at once steps are 50 times shorter.
+    Energy grew from 0.3 s on before the divergence left over decayed with nu/h^2; where the pressure of the surface follows
+    at once steps are 50 times shorter.
     """
     case = Case.from_dict(
         {
