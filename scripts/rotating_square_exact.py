@@ -1,6 +1,6 @@
 """Reference solution of the rotating square of liquid with a free surface and no air, gravity or surface tension.
 
-    python scripts/rotating_square_exact.py --size 0.04 --step 0.01 --end 3 --output square     (90 s; needs `pip install triangle`)
+    python scripts/rotating_square_exact.py --size 0.04 --step 0.01 --end 3 --output square   # pip install triangle
 
 Problem.  A square [-L/2, L/2]^2 of liquid (rho = 1, L = 1) turns clockwise as a rigid body, u = omega (y, -x) with
 omega = 1, at t = 0 and is then left alone.  Its viscosity is nu = omega L^2 / Re, and its surface bears no traction.
