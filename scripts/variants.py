@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from warpsph.case.case_file import load_case
+from warpsph.case.yaml_text import read_yaml
 from warpsph.errors import WarpsphError
 from warpsph.simulation import Simulation
 from warpsph.study.provenance import provenance
@@ -43,7 +44,7 @@ def chosen(patterns: list[str], every: bool, places: list[Path]) -> list[Planned
 
 def measure(run: Planned, variant: str, device: str, threads: int, precision: str | None) -> dict[str, Any]:
     """Run a variant and return its seconds, steps, sound speeds, errors by reference, or where it ended."""
-    changes: dict[str, Any] = dict(text.split("=", 1) for text in variant.split())
+    changes: dict[str, Any] = {key: read_yaml(value) for key, value in (text.split("=", 1) for text in variant.split())}
     if precision:
         changes["precision"] = precision
     case = run.case.replace(changes) if changes else run.case
