@@ -61,6 +61,12 @@ def main() -> None:
     parser.add_argument("--kernel", default="wendland_c2", help="a smoothing kernel of the case file (default wendland_c2)")
     parser.add_argument("--ratio", type=float, nargs="+", default=[1.2, 1.5, 1.8, 2.0, 2.5], help="h over the spacing")
     chosen = parser.parse_args()
+    from warpsph.kernels.core.smoothing import KERNELS
+
+    if chosen.kernel not in KERNELS:
+        parser.error(f"--kernel {chosen.kernel}: needs one of {', '.join(KERNELS)}")
+    if not all(ratio >= 1 for ratio in chosen.ratio):
+        parser.error("--ratio: needs numbers from 1 on; below, a particle has no neighbours to speak of")
     print(f"{'lattice':10} {'h/dx':>5} {'mean':>8} {'least':>8} {'largest':>8}")
     for kind in ("square", "hexagonal"):
         for ratio in chosen.ratio:

@@ -36,6 +36,7 @@ whole surface (the strain rate there is omega t times the second derivative, 1, 
 """
 
 import argparse
+import importlib.util
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -250,7 +251,7 @@ def make_mesh(splines: list[tuple[CubicSpline, Floats]], size: float) -> Mesh:
     n = len(ring)
     numbers = 1 + np.arange(n)
     plan = {"vertices": np.concatenate([[[0.0, 0.0]], ring]), "segments": np.stack([numbers, np.roll(numbers, -1)], axis=1)}
-    import triangle  # Shewchuk's mesh generator: pip install triangle
+    import triangle
 
     made = triangle.triangulate(plan, f"pq30YYa{0.433 * (1.5 * size) ** 2:.9f}")
     triangles, places = made["triangles"].astype(np.int64), made["vertices"]
@@ -361,6 +362,11 @@ def main() -> None:
     parser.add_argument("--remesh", type=float, default=0.1, help="longest time between new meshes times omega")
     parser.add_argument("--passes", type=int, default=2, help="solutions in each step, the last with improved geometry")
     a = parser.parse_args()
+    for name in ("reynolds", "size", "step", "end", "remesh", "passes"):
+        if not getattr(a, name) > 0:
+            parser.error(f"--{name} {getattr(a, name)}: needs a number above 0")
+    if importlib.util.find_spec("triangle") is None:
+        parser.error("needs Shewchuk's mesh generator: pip install triangle")
     run(a.reynolds, a.size, a.step, a.end, a.output, a.remesh, a.passes)
 
 

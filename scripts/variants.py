@@ -87,9 +87,14 @@ def main() -> int:
     parser.add_argument("--precision", choices=["float32", "float64"])
     parser.add_argument("--json", type=Path, help="write the numbers to this file, after each run")
     options = parser.parse_args()
+    if wrong := [text for variant in options.variant or [] for text in variant.split() if "=" not in text]:
+        parser.error(f"--variant: {wrong[0]} needs the form KEY=VALUE")
+    planned = chosen(options.runs, options.all, options.cases)
+    if not planned:
+        parser.error(f"{' '.join(options.runs)}: runs of other schemes are left out; add --all")
     data: dict[str, Any] = {**provenance(), "command": "python scripts/variants.py " + " ".join(sys.argv[1:])}
     data |= {"device": options.device, "runs": {}}
-    for run in chosen(options.runs, options.all, options.cases):
+    for run in planned:
         results = {}
         for variant in options.variant or [""]:
             results[variant] = measure(run, variant, options.device, options.threads, options.precision)
