@@ -16,14 +16,17 @@ from warpsph.kernels.core.viscosity import make_viscosity
 from warpsph.kernels.core.weights import make_weights
 
 # Answer of the stress to a pressure over that of the row's own slope: some of it comes again by the depth, through the
-# gradient of the pressure. From 6 to 20 steps are as long as friction alone allows, and errors the same; with 2 a flow at
-# Re 2.5 needs three times the steps, with what creeps sixty times (docs/records/isph.md#stress).
-ANSWER = 6.0
+# gradient of the pressure. Without an answer what creeps gains energy; larger ones delay the pressure, by a period at Re 25
+# with 192 spacings and 6 (docs/records/isph.md#strain).
+ANSWER = 1.0
 
 
 @functools.cache
 def make_stress_pressure(dimension: int, precision: str) -> Any:
-    """Return the `wp.func` that gives the pressure [Pa] which balances friction across a free surface, 2 mu n.Gn.
+    """Return the `wp.func` that gives the pressure [Pa] which balances friction across a free surface.
+
+    The stress there is 2 mu n.Gn; without divergence that is -2 mu times the strain along the surface, tr G - n.Gn, of which
+    a row, whose neighbours lie to its sides, has more than of the strain across it.
 
     A pressure p of a row slows it down across the surface at p slope/rho, slope = |L sum grad W V|, and its gradient G
     answers with the same slope: in the time `reach` by ANSWER slope^2 reach p/rho. From one step to the next the pressure
@@ -35,7 +38,7 @@ def make_stress_pressure(dimension: int, precision: str) -> Any:
 
     @wp.func
     def stress_pressure(n: vec, gradient: mat, slope: vec, before: real, phase: Phase, reach: real):
-        stress = real(2.0) * phase.viscosity * wp.dot(n, gradient * n)
+        stress = real(2.0) * phase.viscosity * (wp.dot(n, gradient * n) - wp.trace(gradient))
         answer = real(2.0 * ANSWER) * phase.viscosity / phase.density * reach * wp.dot(slope, slope)
         if before != real(0.0):
             stress = before + (stress - before) / (real(1.0) + answer)
@@ -50,8 +53,8 @@ def make_surface_friction(spec: Spec) -> Any:
 
     Friction between the pairs of a truncated support ends at the surface: of a linear velocity field it leaves the force
     that makes the stress mu (G + G^T) n vanish there. Along the surface that is the condition of a free surface. Across it
-    the pressure of the surface, p_s = 2 mu n.Gn, balances the stress; a row would have it twice, and as a force in one row
-    where the gradient of the pressure is looked for. What pairs make of the flow E p_s/(2 mu) across the surface goes,
+    the pressure of the surface, p_s = 2 mu (n.Gn - tr G), balances the stress; a row would have it twice, and as a force in
+    one row where the gradient of the pressure is looked for. What pairs make of E p_s/(2 mu) across the surface goes,
 
         u* <- u* - beta dt/(2 rho) p_s n (n.sum_j V_j F_ij term(E x_ij, x_ij)),    E = n (x) n - (1 - n (x) n)/(d - 1)
 
