@@ -15,7 +15,14 @@ FILES = {path.stem: path for folder in (FOLDER, FOLDER / "papers") for path in s
 NAMES = list(FILES)
 
 # A spacing at which a start is a matter of seconds, where the one of the file is not.
-COARSE = {"dam_break_3d": 0.03, "rising_bubble_3d": 0.1 / 4, "static_drop_3d": 0.25 / 5}
+COARSE = {
+    "cylinder_periodic": 1 / 6,
+    "cylinder_start": 1 / 20,
+    "dam_break_3d": 0.03,
+    "naca0012": 1 / 30,
+    "rising_bubble_3d": 0.1 / 4,
+    "static_drop_3d": 0.25 / 5,
+}
 
 
 def load(name, **changes) -> Case:
