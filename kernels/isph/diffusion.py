@@ -31,14 +31,18 @@ from warpsph.kernels.core.fields import FLUID
 from warpsph.kernels.core.mirror import NO_SLIP, code_shift, make_images, make_sides
 from warpsph.kernels.core.pair import WRAPPED, list_access, make_entry, natural
 from warpsph.kernels.core.params import make_params, make_phase
-from warpsph.kernels.core.smoothing import make_smoothing
 from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, types_of
-from warpsph.kernels.core.viscosity import make_viscosity
+from warpsph.kernels.core.viscosity import make_friction_slope, make_viscosity
 from warpsph.kernels.core.weights import make_weights
 
 # s by dimension. Largest lambda of the full term over that of A, times 3/4, measured on blocks with a free surface and up to
 # 0.25 spacings of disorder: morris 0.88; radial 1.42 in 2-D, 1.6 in 3-D.
-STABILISER = {"morris": (1.0, 1.0, 1.0), "radial": (1.0, 1.5, 1.75), "paper": (1.0, 1.5, 1.75)}
+STABILISER = {
+    "morris": (1.0, 1.0, 1.0),
+    "radial": (1.0, 1.5, 1.75),
+    "isotropic": (1.0, 1.5, 1.75),
+    "paper": (1.0, 1.5, 1.75),
+}
 # Diagonal entry of a wall over its weight w: 2 for a mirrored velocity -w_i. The quadratic of a body answers the velocity
 # beside it more strongly: with 2 the tangential velocity grows by 1.4 to 1.6 a step of many h^2/nu, with 3 it decays.
 COUPLING = 4.0
@@ -56,7 +60,7 @@ def make_diffusion(spec: Spec) -> tuple[Any, Any, Any]:
     Params = make_params(spec.dimension, spec.precision)
     Phase = make_phase(spec.precision)
     Sides = make_sides(spec.dimension, spec.precision)
-    _, slope = make_smoothing(spec.kernel, spec.precision)
+    slope = make_friction_slope(spec.viscosity, spec.kernel, spec.dimension, spec.precision)
     apart = make_images(spec).apart
     viscous_term = make_viscosity(spec.viscosity, spec.dimension, spec.precision)
     list_begin, list_step, neighbour, Listed = list_access(spec)

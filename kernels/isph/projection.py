@@ -43,7 +43,7 @@ from warpsph.kernels.core.params import make_params, make_phase
 from warpsph.kernels.core.smoothing import make_smoothing
 from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, types_of
 from warpsph.kernels.core.time_signals import GRAVITY_NEXT, make_forcing
-from warpsph.kernels.core.viscosity import make_viscosity
+from warpsph.kernels.core.viscosity import make_friction_slope, make_viscosity
 from warpsph.kernels.core.weights import make_weights
 
 # Determinant of the moment below which a neighbourhood is too thin for a corrected gradient, to the power 1/d: at a flat
@@ -155,6 +155,8 @@ def make_predict(spec: Spec) -> Any:
     gravity_of, body_force_of = make_forcing(spec)
     viscous = spec.viscosity != "none"
     viscous_term = make_viscosity(spec.viscosity if viscous else "morris", spec.dimension, spec.precision)
+    isotropic = spec.viscosity == "isotropic"
+    friction_slope = make_friction_slope(spec.viscosity, spec.kernel, spec.dimension, spec.precision)
     time_weights = make_weights(spec.second_order)
     periodic = any(spec.periodic)
     dimension = float(spec.dimension)
@@ -223,6 +225,8 @@ def make_predict(spec: Spec) -> Any:
         per_spacing = real(1.0) / shape(params.spacing * params.inv_h)
         flow = mat()
         viscous_sum = vec()
+        uneven = vec()  # first and second moments of the weights of friction
+        width = real(0.0)
         fluid_count = particle_count - slip.shape[0]
         k = list_begin(i, list_width)
         step = list_step(particle_count)
@@ -254,6 +258,10 @@ def make_predict(spec: Spec) -> Any:
                     if code != 0:
                         vj = friction_velocity(vj, code, sides)
                 flow += wp.outer(vj - vi, fd)
+                if wp.static(isotropic):
+                    f = friction_slope(q) * rest_volume[j]
+                    uneven += f * d
+                    width -= f * r2
                 viscous_sum += f * viscous_term(vi - vj, d, r2 + params.tiny, params.inv_h)
         if wp.static(spec.walls):
             end += int(wall_neighbours[i]) * step
@@ -265,11 +273,16 @@ def make_predict(spec: Spec) -> Any:
                 wall_volume = params.wall_volume
                 if wp.static(spec.bodies):
                     wall_volume = boundary_volume[j - (particle_count - boundary_volume.shape[0])]
-                f = slope(wp.sqrt(r2) * params.inv_h) * wall_volume
+                q = wp.sqrt(r2) * params.inv_h
+                f = slope(q) * wall_volume
                 fd = f * d
                 moment -= wp.outer(d, fd)
                 even += fd
                 among -= f * r2
+                if wp.static(isotropic):
+                    f = friction_slope(q) * wall_volume
+                    uneven += f * d
+                    width -= f * r2
                 if wp.static(spec.wall_no_slip):
                     if slip[j - fluid_count] == wp.uint8(0):
                         vj = mirror_velocity[j - fluid_count]
@@ -303,11 +316,14 @@ def make_predict(spec: Spec) -> Any:
                 shear = (flow * inverse) * g_norm
                 if wp.static(spec.free_surface):
                     velocity_gradient[i] = shear
-                linear = shear * even
-                if wp.static(spec.viscosity == "radial"):
-                    linear = linear + wp.transpose(shear) * even + wp.trace(shear) * even
+                if wp.static(not isotropic):
+                    uneven = even
+                    width = spread[i] / g_norm
+                linear = shear * uneven
+                if wp.static(spec.viscosity == "radial" or isotropic):
+                    linear = linear + wp.transpose(shear) * uneven + wp.trace(shear) * uneven
                 if spread[i] > full_spread:
-                    viscous_sum = (viscous_sum - real(2.0) * linear) * (real(dimension) / spread[i])
+                    viscous_sum = (viscous_sum - real(2.0) * linear) * (real(dimension) / (width * g_norm))
             a += viscous_sum * (phases[0].viscosity / phases[0].density * g_norm)
         if wp.static(spec.open_axis >= 0):
             if int(zone[i]) != FLUID:

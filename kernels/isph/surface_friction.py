@@ -10,9 +10,8 @@ from warpsph.kernels.core.fields import FLUID
 from warpsph.kernels.core.mirror import code_shift, make_images, make_sides
 from warpsph.kernels.core.pair import WRAPPED, list_access, natural
 from warpsph.kernels.core.params import make_params, make_phase
-from warpsph.kernels.core.smoothing import make_smoothing
 from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, types, types_of
-from warpsph.kernels.core.viscosity import make_viscosity
+from warpsph.kernels.core.viscosity import make_friction_slope, make_viscosity
 from warpsph.kernels.core.weights import make_weights
 
 # Answer of the stress to a pressure over that of the row's own slope: some of it comes again by the depth, through the
@@ -64,7 +63,7 @@ def make_surface_friction(spec: Spec) -> Any:
     Params = make_params(spec.dimension, spec.precision)
     Phase = make_phase(spec.precision)
     Sides = make_sides(spec.dimension, spec.precision)
-    _, slope = make_smoothing(spec.kernel, spec.precision)
+    slope = make_friction_slope(spec.viscosity, spec.kernel, spec.dimension, spec.precision)
     apart = make_images(spec).apart
     list_begin, list_step, neighbour, Listed = list_access(spec)
     viscous_term = make_viscosity(spec.viscosity, spec.dimension, spec.precision)

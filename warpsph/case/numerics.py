@@ -61,7 +61,7 @@ class NumericsBase(CaseModel):
         description="corrected: minus form, exact for linear pressure; conservative: plus form, conserves momentum",
         examples=["auto"],
     )
-    viscosity_form: Annotated[Literal["auto", "morris", "radial", "paper"], ChoiceRule()] = Field(
+    viscosity_form: Annotated[Literal["auto", "morris", "radial", "isotropic", "paper"], ChoiceRule()] = Field(
         default="auto", description="viscous term", examples=["auto"]
     )
     kernel: Annotated[

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 # Curvature of a corner that the particles resolve, as share of 1/h: the pressure it makes must not compress much either.
 CORNER = 0.1
 # Forward-Euler limits of the viscous terms in rho h^2/mu (theory: riemann#a9), with a margin.
-VISCOUS_LIMIT = {"morris": 0.125, "radial": 0.06, "paper": 0.06}
+VISCOUS_LIMIT = {"morris": 0.125, "radial": 0.06, "isotropic": 0.1, "paper": 0.06}
 # Density excess that is never a fault by itself: the counterpart of the rarefaction that is one, `params.LEAST_DENSITY`.
 LEAST_EXCESS = 0.9
 IMPROVED_RATIO = 1.5

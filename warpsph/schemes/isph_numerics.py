@@ -24,9 +24,10 @@ class IsphNumerics(NumericsBase):
         "momentum. auto: corrected (paper: conservative)",
         examples=["auto"],
     )
-    viscosity_form: Annotated[Literal["auto", "morris", "radial", "paper"], ChoiceRule()] = Field(
+    viscosity_form: Annotated[Literal["auto", "morris", "radial", "isotropic", "paper"], ChoiceRule()] = Field(
         default="auto",
-        description="viscous term. auto: morris, radial with a free surface (paper: morris)",
+        description="viscous term; isotropic is radial with weights that do not feel the direction of rows. auto: morris, "
+        "isotropic with a free surface (paper: morris)",
         examples=["auto"],
     )
     shifting: Annotated[float | Auto, NumberRule(least=0, most=20, auto=True)] = Field(

@@ -164,7 +164,7 @@ def derive(case: Case, geometry: Geometry, row_list: bool) -> Physics:
 
     gradient = choose("pressure_gradient", "conservative" if paper else "corrected", "exact for a linear pressure")
     _check_open(case, geometry, filled, str(gradient))
-    form = choose("viscosity_form", "morris" if paper or filled else "radial", "right damping at a free surface")
+    form = choose("viscosity_form", "morris" if paper or filled else "isotropic", "right damping at a free surface")
     choose("smoothing_ratio", smoothing_ratio(case), "least noise")
     shifting = choose("shifting", PRINTED_SHIFT if paper else SHIFTING, "keeps the particles evenly spaced")
     choose("unlock", 0.0, "not needed")
