@@ -47,12 +47,66 @@ def make_followed(dimension: int, precision: str) -> Any:
 
 
 @functools.cache
+def make_fastest(spec: Spec) -> Any:
+    """Return the `wp.func` that gives by how much the fastest fluid neighbour of particle i outruns it along `way` [m/s].
+
+    Images across sides count; 0 where none is faster.
+    """
+    real, vec, _, _ = types_of(spec)
+    Params = make_params(spec.dimension, spec.precision)
+    Sides = make_sides(spec.dimension, spec.precision)
+    _, slope = make_smoothing(spec.kernel, spec.precision)
+    images = make_images(spec)
+    apart, image_velocity = images.apart, images.image_velocity
+    list_begin, list_step, neighbour, Listed = list_access(spec)
+    image_bit = code_shift(spec.dimension)
+    index_mask = (1 << image_bit) - 1
+
+    @wp.func
+    def fastest(
+        i: int,
+        way: vec,
+        count: int,
+        wrapped: bool,
+        particle_count: int,
+        list_width: int,
+        params: Params,
+        sides: Sides,
+        neighbours: Listed,
+        position: wp.array(dtype=vec),
+        velocity: wp.array(dtype=vec),
+    ):
+        most = real(0.0)
+        k = list_begin(i, list_width)
+        step = list_step(particle_count)
+        end = k + count * step
+        while k < end:
+            j = natural(neighbour(neighbours, i, k))
+            k += step
+            code = int(0)
+            if wp.static(spec.mirror):
+                code = j >> image_bit
+                j = j & index_mask
+            d = apart(position[i], position[j], code, wrapped, params, sides)
+            vj = velocity[j]
+            if wp.static(spec.mirror):
+                if code != 0:
+                    vj = image_velocity(vj, code, sides)
+            if slope(wp.length(d) * params.inv_h) < real(0.0):
+                most = wp.max(most, wp.dot(vj - velocity[i], way))
+        return most
+
+    return fastest
+
+
+@functools.cache
 def make_regularise(spec: Spec) -> Any:
     """Return the sweep that measures the divergence left over and finds the shift towards an even arrangement.
 
     dx = -A |grad u| dt h^2 grad C; what the particle carries changes by grad u dx. Next to a free surface that is done along
     it alone; across it particles nearer than CROWDED spacings are pushed apart by 0.25 A |grad u| dt dx sum (1 - r/r_0) e,
-    which is zero on an even arrangement with or without neighbours outside. How much the velocity is smoothed there,
+    which is zero on an even arrangement with or without neighbours outside. There grad u dx may be an extrapolation: it
+    makes a particle no faster along its change than its neighbours are. How much the velocity is smoothed there,
     f |grad u| dt with f = `surface_filter`, and its gradient are left to `surface_smoothing`.
     With a free surface two particles that come nearer than CONTACT spacings lose their speed of approach, each one half of
     it, as in a plastic collision: in a splash no pressure acts between them.
@@ -62,6 +116,7 @@ def make_regularise(spec: Spec) -> Any:
     Sides = make_sides(spec.dimension, spec.precision)
     shape, slope = make_smoothing(spec.kernel, spec.precision)
     followed = make_followed(spec.dimension, spec.precision)
+    fastest = make_fastest(spec)
     images = make_images(spec)
     apart, image_velocity = images.apart, images.image_velocity
     list_begin, list_step, neighbour, Listed = list_access(spec)
@@ -187,12 +242,14 @@ def make_regularise(spec: Spec) -> Any:
             dt = real(clock[STEP])
             strength = wp.sqrt(wp.ddot(shear, shear)) * dt
             rate = real(0.0)  # of smoothing: only next to a surface
+            near = bool(False)
             # beyond half of h^2 grad C a shift overshoots what is even
             dx = crowding[i] * (-wp.min(params.shifting * strength, real(MOST_SHIFT)) * params.h * params.h)
             if wp.static(spec.free_surface):
                 length = wp.length(outward)
                 # at the rim of the support the weight is tiny, and its square zero
                 if length > real(1.0e-6) * shape(real(0.0)):
+                    near = True
                     n = outward / length
                     push = real(PUSH) * params.shifting * wp.min(strength, real(MOST_PUSH)) * params.spacing
                     dx += n * (push * wp.dot(apart_sum, n) - wp.dot(dx, n))
@@ -211,6 +268,14 @@ def make_regularise(spec: Spec) -> Any:
             shift[i] = dx
             change = shear * dx
             if wp.static(spec.free_surface):
+                size = wp.length(change)
+                if near and size > real(1.0e-9) * real(clock[SPEED]):
+                    way = change / size
+                    count = int(fluid_neighbours[i])
+                    most_change = fastest(
+                        i, way, count, wrapped, particle_count, list_width, params, sides, neighbours, position, velocity
+                    )
+                    change = way * wp.min(size, most_change)
                 change += impact
                 velocity_gradient[i] = shear
                 smoothing[i] = rate
