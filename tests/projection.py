@@ -24,7 +24,7 @@ def open_spec(dimension=2, precision="float64", **changes):
         dimension=dimension,
         precision=precision,
         periodic=(False,) * dimension,
-        viscosity="radial",
+        viscosity="isotropic",
         corrected=True,
         gravity=True,
         shifting=True,

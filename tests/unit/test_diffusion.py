@@ -19,6 +19,7 @@ from warpsph.errors import CaseError
 from warpsph.files import checkpoint
 from warpsph.kernels.core import clock as ck
 from warpsph.kernels.core.mirror import FREE_SLIP, NO_SLIP, NO_WALL
+from warpsph.kernels.core.viscosity import friction_scale
 from warpsph.kernels.isph.diffusion import STABILISER
 from warpsph.running.preview import describe, estimate
 from warpsph.scene import physics
@@ -92,18 +93,25 @@ def reference(bench, component):
     def coefficient(x):
         return 2.0 if spec.viscosity == "morris" else 2.0 * (d + 2) * x[..., component] ** 2 / (x**2).sum(axis=-1)
 
+    def weights(f, x):
+        """F of Wendland's C2, -80 (1 - r/R)^3, or -K (1 - r/R)^1.5 in its place."""
+        if spec.viscosity != "isotropic":
+            return f
+        u = np.clip(1.0 - np.linalg.norm(x, axis=-1) / (2 * bench.h), 1e-9, None)
+        return np.where(f != 0.0, f * friction_scale("wendland_c2", d) / 80.0 * u**-1.5, 0.0)
+
     for code, x, f in bench.pairs():
         sides = [(axis, 2 * axis + digit - 1) for axis, digit in enumerate(digits(code, d)) if digit]
         turned = any(axis == component or bench.kinds[side] == NO_SLIP for axis, side in sides)
         with np.errstate(invalid="ignore"):
-            w = np.where(f != 0.0, -factor * f * coefficient(x), 0.0)
+            w = np.where(f != 0.0, -factor * weights(f, x) * coefficient(x), 0.0)
         matrix += np.diag(w.sum(axis=1)) - (-w if turned else w)
     if spec.walls:
         walls = bench.get("position")[n:]
         x = bench.get("position")[:n, None] - walls[None]
         r = np.linalg.norm(x, axis=-1)
         f = bench.params.g_norm * -10.0 * np.clip(2.0 - r / bench.h, 0, None) ** 3 * SPACING**d
-        w = np.where(bench.get("slip") == 0, -factor * f * coefficient(x), 0.0)
+        w = np.where(bench.get("slip") == 0, -factor * weights(f, x) * coefficient(x), 0.0)
         matrix += 2.0 * np.diag(w.sum(axis=1))
     return matrix * (volume / SPACING**d)[:, None]
 
