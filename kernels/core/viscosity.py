@@ -48,15 +48,11 @@ def make_viscosity(form: str, dimension: int, precision: str) -> Any:
     return viscous_term
 
 
-FRICTION_POWER = 1.5
-"""Power of 1 - r/R in the weights of the isotropic form (theory: riemann#isotropic)."""
-
-
 def friction_scale(kernel: str, dimension: int) -> float:
-    """Return K [-], so that weights -K (1 - r/R)^FRICTION_POWER have the second moment of the slope w'(q)/q of a kernel."""
+    """Return K [-], so that weights -K (1 - r/R)^1.5 have the second moment of the slope w'(q)/q of a kernel."""
     chosen = KERNELS[kernel]
     sphere = 2 * math.pi ** (dimension / 2) / math.gamma(dimension / 2)
-    a, b = dimension + 2, FRICTION_POWER + 1
+    a, b = dimension + 2, 1.5 + 1
     beta = math.gamma(a) * math.gamma(b) / math.gamma(a + b)
     return dimension / (chosen.alpha[dimension - 1] * sphere * chosen.support**a * beta)
 
