@@ -49,7 +49,7 @@ def share(spacings):
 
 
 def test_pressure_balances_the_stress_across_a_surface():
-    """First order: 0.68, 0.83, 0.91 with 24, 48, 96 spacings a wave; friction in the row alone makes 0.4, and no more."""
+    """First order: 0.73, 0.87, 0.93 with 24, 48, 96 spacings a wave; friction in the row alone makes 0.4, and no more."""
     coarse, fine = share(24), share(48)
     assert fine < 1.0
     assert 1 - fine < 0.6 * (1 - coarse) < 0.6 * 0.4
@@ -73,7 +73,7 @@ def test_what_creeps_comes_to_rest_in_long_steps(viscosity):
     """Noise in a basin of 0.5 m at steps of 10 h^2/nu and more: it dies down, steps are as long as friction alone allows.
 
     Energy grew from 0.3 s on before the divergence left over decayed with nu/h^2; where the pressure of the surface follows
-    at once steps are 50 times shorter.
+    at once, or from the strain across it at this rate, steps are many times shorter or energy grows.
     """
     case = Case.from_dict(
         {
