@@ -32,7 +32,7 @@ VARIANTS: dict[str, list[str]] = {
     "p = 0 at the particles": ["numerics.surface_offset=0"],
     "conservative gradient": ["numerics.pressure_gradient=conservative"],
     "no shifting": ["numerics.shifting=0"],
-    "no filter at the surface": ["numerics.surface_filter=0"],
+    "no filter of the velocity": ["numerics.velocity_filter=0"],
     "no volume feedback": ["numerics.volume_feedback=0"],
     "explicit viscosity": ["numerics.implicit_viscosity=false"],
     "half the time step": ["numerics.courant=0.2"],

@@ -208,8 +208,8 @@ class Stages(Bench):
         return self.get("pressure_gradient")
 
     def regularise(self):
-        """Run the stages after the correction of the velocity: shift, collisions, smoothing next to a surface."""
-        self.run(*(stage for stage in isph.finish(self.spec) if stage.name in ("regularise", "smooth_surface")))
+        """Run the stages after the correction of the velocity: shift, collisions, smoothing of the velocity."""
+        self.run(*(stage for stage in isph.finish(self.spec) if stage.name in ("regularise", "smooth_velocity")))
 
     # reference -----------------------------------------------------------------------------------------------------
 

@@ -37,7 +37,7 @@ def make_params(dimension: int, precision: str) -> Any:
         inv_window: real  # 1/R^2 of the window that the room is measured with, a power of 1 - r^2/R^2 [1/m^2]
         window_norm: real  # 1 over its integral; power 4 in the Riemann scheme, else 2 [1/m^d]
         feedback: real  # share of an excess of the density that is let go in the time h/u_max [-]
-        filter: real  # rate at which the velocity next to a free surface is smoothed, over |grad u| [-]
+        filter: real  # rate at which the velocity is smoothed, over |grad u| [-]
         disorder: real  # friction of disorder over |grad v| h [-]
         zeta: real  # interface force coefficient [-]
         tiny: real  # (1e-6 h)^2, keeps divisions by r^2 finite [m^2]

@@ -88,6 +88,7 @@ def make_assemble(spec: Spec) -> Any:
         position: wp.array(dtype=vec),
         velocity: wp.array(dtype=vec),
         wall_acceleration: wp.array(dtype=vec),
+        boundary_volume: wp.array(dtype=real),
         velocity_star: wp.array(dtype=vec),
         rest_volume: wp.array(dtype=real),
         pressure: wp.array(dtype=real),
@@ -190,9 +191,16 @@ def make_assemble(spec: Spec) -> Any:
                 put_value(matrix_values, i, entry, -w)
                 entry += row_step
                 count += 1
-        if wp.static(spec.walls):
-            full = full and wall_neighbours[i] == wp.int16(0)
+        if wp.static(spec.bodies):
+            last = end + int(wall_neighbours[i]) * step
+            while k < last:
+                j = neighbour(neighbours, i, k)
+                k += step
+                d = apart(xi, position[j], 0, wrapped, params, sides)
+                core = wp.max(real(1.0) - wp.dot(d, d) * params.inv_window, real(0.0))
+                crowd += core * core * boundary_volume[j - (particle_count - boundary_volume.shape[0])]
         if wp.static(spec.walls and not spec.bodies):
+            full = full and wall_neighbours[i] == wp.int16(0)
             end += int(wall_neighbours[i]) * step
             while k < end:
                 j = natural(neighbour(neighbours, i, k))

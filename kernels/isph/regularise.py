@@ -106,9 +106,8 @@ def make_regularise(spec: Spec) -> Any:
     dx = -A |grad u| dt h^2 grad C; what the particle carries changes by grad u dx. Next to a free surface that is done along
     it alone; across it particles nearer than CROWDED spacings are pushed apart by 0.25 A |grad u| dt dx sum (1 - r/r_0) e,
     which is zero on an even arrangement with or without neighbours outside. There grad u dx may be an extrapolation: it
-    makes a particle no faster along its change than its neighbours are. How much the velocity is smoothed there,
-    f |grad u| dt with f = `surface_filter`, and its gradient are left to `surface_smoothing`.
-    With a free surface two particles that come nearer than CONTACT spacings lose their speed of approach, each one half of
+    makes a particle no faster along its change than its neighbours are. With a free surface how much the velocity is
+    smoothed, f |grad u| dt with f = `velocity_filter`, and its gradient are left to `velocity_smoothing`, and two particles that come nearer than CONTACT spacings lose their speed of approach, each one half of
     it, as in a plastic collision: in a splash no pressure acts between them.
     """
     real, vec, mat, _ = types_of(spec)
@@ -241,7 +240,6 @@ def make_regularise(spec: Spec) -> Any:
         if wp.static(spec.shifting):
             dt = real(clock[STEP])
             strength = wp.sqrt(wp.ddot(shear, shear)) * dt
-            rate = real(0.0)  # of smoothing: only next to a surface
             near = bool(False)
             # beyond half of h^2 grad C a shift overshoots what is even
             dx = crowding[i] * (-wp.min(params.shifting * strength, real(MOST_SHIFT)) * params.h * params.h)
@@ -253,7 +251,6 @@ def make_regularise(spec: Spec) -> Any:
                     n = outward / length
                     push = real(PUSH) * params.shifting * wp.min(strength, real(MOST_PUSH)) * params.spacing
                     dx += n * (push * wp.dot(apart_sum, n) - wp.dot(dx, n))
-                    rate = wp.min(params.filter * strength, real(MOST_FILTER))
                 if surface[i] == wp.uint8(ISOLATED):
                     dx = vec()
             length = wp.length(dx)
@@ -278,7 +275,7 @@ def make_regularise(spec: Spec) -> Any:
                     change = way * wp.min(size, most_change)
                 change += impact
                 velocity_gradient[i] = shear
-                smoothing[i] = rate
+                smoothing[i] = wp.min(params.filter * strength, real(MOST_FILTER))
             carried[i] = change
             s2 = wp.dot(dx, dx)
             if s2 > maxima[slot * MAXIMA + 3]:

@@ -129,7 +129,7 @@ def test_show_says_what_a_step_does_and_what_not():
     found = describe(case_of(TANK))
     stages = [stage["name"] for stage in found["stages"]]
     begin = ["advect", "list", "predict", "surface_friction", "surface", "fragments"]
-    assert stages == [*begin, "assemble", "solve", "accept", "correct", "regularise", "smooth_surface", "advance"]
+    assert stages == [*begin, "assemble", "solve", "accept", "correct", "regularise", "smooth_velocity", "advance"]
     found = describe(case_of(CLOSED, numerics__formulation="paper"))
     assert "settle" in [stage["name"] for stage in found["stages"]]
     assert "surface, fragments" in [row["name"] for row in found["absent"]]

@@ -203,7 +203,7 @@ def test_a_drop_is_drawn_out_and_keeps_its_momentum(tmp_path):
 @pytest.mark.parametrize(
     ("key", "value"),
     [
-        ("pressure_gradient", "corrected"), ("time_order", 2), ("surface_filter", 1), ("volume_feedback", 0.1),
+        ("pressure_gradient", "corrected"), ("time_order", 2), ("velocity_filter", 1), ("volume_feedback", 0.1),
         ("implicit_viscosity", True), ("surface_offset", 0.5), ("viscosity_form", "radial"),
     ],
 )  # fmt: skip

@@ -74,10 +74,10 @@ class IsphNumerics(NumericsBase):
         description="share of an excess of the density that is let go within h/u_max. auto: 0.1 (paper: 0)",
         examples=["0.1"],
     )
-    surface_filter: Annotated[float | Auto, NumberRule(least=0, most=100, auto=True)] = Field(
+    velocity_filter: Annotated[float | Auto, NumberRule(least=0, most=100, auto=True)] = Field(
         default="auto",
-        description="rate at which the velocity next to a free surface is drawn to the linear field around it, over "
-        "the velocity gradient. auto: 1 (paper: 0)",
+        description="with a free surface: rate at which the velocity is drawn to the linear field around it, over the "
+        "velocity gradient. auto: 1 (paper: 0)",
         examples=["1"],
     )
     implicit_viscosity: Switch = Field(

@@ -173,7 +173,7 @@ def derive(case: Case, geometry: Geometry, row_list: bool) -> Physics:
     choose("deferred_correction", not paper, "pressure equation exact for a linear pressure on any arrangement")
     choose("surface_offset", 0.0 if paper else 0.5, "the surface is half a spacing outside of its particles")
     choose("volume_feedback", 0.0 if paper else FEEDBACK, "keeps the volume in long runs")
-    choose("surface_filter", 0.0 if paper else 1.0, "keeps a free surface smooth")
+    choose("velocity_filter", 0.0 if paper else 1.0, "takes out the noise that shifts would feed")
     choose("courant", PRINTED_STEP if paper else COURANT, "0.4 of a smoothing length a step")
     choose("solver", "bicgstab" if paper else "cg", "the matrix is symmetric")
     choose("preconditioner", "none" if paper else "multigrid", "its iterations do not grow with the scene")

@@ -41,7 +41,7 @@ from warpsph.kernels.isph.projection import make_advect, make_predict, make_sett
 from warpsph.kernels.isph.regularise import make_regularise
 from warpsph.kernels.isph.surface import make_surface
 from warpsph.kernels.isph.surface_friction import make_surface_friction
-from warpsph.kernels.isph.surface_smoothing import make_smooth_surface
+from warpsph.kernels.isph.velocity_smoothing import make_smooth_velocity
 from warpsph.schemes.map_stages import exponents, follow_shift, windows
 from warpsph.schemes.open_stages import crossing, fill
 
@@ -308,10 +308,10 @@ def finish(spec: Spec) -> list[Stage]:
 
 
 def smooth(spec: Spec) -> list[Stage]:
-    """Return the stage that smooths the velocity next to a free surface; none without one, or without a shift."""
+    """Return the stage that smooths the velocity of a fluid with a free surface; none without a shift."""
     if not (spec.free_surface and spec.shifting):
         return []
-    return [Stage("smooth_surface", make_smooth_surface(spec), "fluid", "velocity smoothed at the free surface, by pairs")]
+    return [Stage("smooth_velocity", make_smooth_velocity(spec), "fluid", "noise of the velocity smoothed, by pairs")]
 
 
 def take(spec: Spec) -> list[Stage]:

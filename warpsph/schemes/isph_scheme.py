@@ -121,7 +121,7 @@ class IsphScheme(FlowThrough):
         params.shifting = float(choices["shifting"])
         params.shift_cap = SHIFT_CAP * case.spacing / physics.h
         params.feedback = float(choices["volume_feedback"])
-        params.filter = float(choices["surface_filter"])
+        params.filter = float(choices["velocity_filter"])
         first_row, second_row = row_shares(physics.spec, physics.h / case.spacing)
         return {
             **self.open_values(case, geometry, physics, device),

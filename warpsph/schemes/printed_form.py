@@ -31,7 +31,7 @@ PRINTED_PROJECTION: dict[str, Any] = {
     "deferred_correction": False,
     "surface_offset": 0,
     "volume_feedback": 0,
-    "surface_filter": 0,
+    "velocity_filter": 0,
     "implicit_viscosity": False,
 }
 REMEDY = "write numerics.formulation: improved"

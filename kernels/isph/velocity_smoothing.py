@@ -1,4 +1,4 @@
-"""Smoothing of the velocity at a free surface by central forces between pairs (theory: isph#b6)."""
+"""Smoothing of the velocity of a fluid with a free surface by central forces between pairs (theory: isph#b6)."""
 
 import functools
 from typing import Any
@@ -14,16 +14,16 @@ from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, types_of
 
 
 @functools.cache
-def make_smooth_surface(spec: Spec) -> Any:
-    """Return the sweep that draws velocities next to a free surface to the linear field around them.
+def make_smooth_velocity(spec: Spec) -> Any:
+    """Return the sweep that draws velocities to the linear field around them.
 
     A pair exchanges momentum on its line of centres,
 
         du_i = d sum_j V_j W_ij k_ij e_ij (e_ij.[u_j - u_i - G_ij (x_j - x_i)]),    e_ij = x_ij/|x_ij|
 
-    k_ij = (k_i + k_j)/2 with k_i = f |grad u| dt next to a surface and 0 elsewhere, G_ij = (G_i + G_j)/2 with the velocity
-    gradients that `regularise` has left. It is friction between pairs less what it makes of a linear field. Inside the
-    fluid d sum V W e (x) e is the identity: k is the share of a deviation that a step takes out.
+    k_ij = (k_i + k_j)/2 with k_i = f |grad u| dt, G_ij = (G_i + G_j)/2 with the velocity gradients that `regularise` has
+    left. It is friction between pairs less what it makes of a field of second order. Inside the fluid d sum V W e (x) e is
+    the identity: k is the share of a deviation that a step takes out.
 
     Both ends of a pair find the same impulse with opposite signs, on their line: linear and angular momentum are conserved,
     but for the images behind walls.
@@ -40,7 +40,7 @@ def make_smooth_surface(spec: Spec) -> Any:
     index_mask = (1 << image_bit) - 1
 
     @wp.kernel(module="unique", enable_backward=False, module_options=SWEEP_OPTIONS)
-    def smooth_surface(
+    def smooth_velocity(
         first: int,
         particle_count: int,
         list_width: int,
@@ -97,4 +97,4 @@ def make_smooth_surface(spec: Spec) -> Any:
                 total += d * (rate * weight * wp.dot(d, deviation) / (r2 + params.tiny))
         carried[i] = carried[i] + total * (real(dimension) * params.g_norm * params.h * params.h)
 
-    return smooth_surface
+    return smooth_velocity
