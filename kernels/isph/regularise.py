@@ -275,7 +275,11 @@ def make_regularise(spec: Spec) -> Any:
                     change = way * wp.min(size, most_change)
                 change += impact
                 velocity_gradient[i] = shear
-                smoothing[i] = wp.min(params.filter * strength, real(MOST_FILTER))
+                rate = wp.min(params.filter * strength, real(MOST_FILTER))
+                if wp.static(spec.walls):
+                    if wall_neighbours[i] > wp.int16(0) and not near:
+                        rate = real(0.0)  # the pairs of fluid beside a body are not all around
+                smoothing[i] = rate
             carried[i] = change
             s2 = wp.dot(dx, dx)
             if s2 > maxima[slot * MAXIMA + 3]:
