@@ -62,6 +62,7 @@ def make_budget_density(spec: Spec) -> Any:
         shift: wp.array(dtype=vec),
         density_excess: wp.array(dtype=real),
         density_rate: wp.array(dtype=real),
+        room_part: wp.array(dtype=real),
         carried: wp.array(dtype=vec),
         budget_flow: wp.array(dtype=real),
         budget_wall_flow: wp.array(dtype=real),
@@ -69,6 +70,7 @@ def make_budget_density(spec: Spec) -> Any:
         budget_diffusion: wp.array(dtype=real),
         budget_shift: wp.array(dtype=real),
         budget_volume: wp.array(dtype=real),
+        budget_room: wp.array(dtype=real),
         budget_spray: wp.array(dtype=real),
         budget_lift: wp.array(dtype=real),
     ):
@@ -144,7 +146,11 @@ def make_budget_density(spec: Spec) -> Any:
         budget_wall_flow[i] = work * stretch * at_walls
         budget_exact[i] = work * stretch * correction
         budget_diffusion[i] = work * even
-        budget_spray[i] = work * (total - stretch * (rate + at_walls + correction) - even - drawn)
+        part = real(0.0)
+        if wp.static(spec.room):
+            part = room_part[i]
+        budget_room[i] = work * part
+        budget_spray[i] = work * (total - stretch * (rate + at_walls + correction) - even - drawn - part)
         kinetic = real(0.0)
         if wp.static(carries):
             kinetic = mass * wp.dot(carried[i], vi + real(0.5) * carried[i])

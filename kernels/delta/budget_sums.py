@@ -29,9 +29,9 @@ KICKS = (
     "gravity",
     "body_force",
 )
-CHANGES = ("exact_divergence", "density_diffusion", "shift", "volume_constraint", "spray", "lift")
+CHANGES = ("exact_divergence", "density_diffusion", "shift", "volume_constraint", "room", "spray", "lift")
 TERMS = (*KICKS, *CHANGES)
-EXACT, DIFFUSION, SHIFT, VOLUME, SPRAY, LIFT = (TERMS.index(name) for name in CHANGES)
+EXACT, DIFFUSION, SHIFT, VOLUME, ROOM, SPRAY, LIFT = (TERMS.index(name) for name in CHANGES)
 PRESSURE, WALL_PRESSURE = TERMS.index("pressure"), TERMS.index("wall_pressure")
 BLOCKS = {True: 256, False: 16384}  # partial sums, on a CPU and on a GPU
 
@@ -90,6 +90,7 @@ def make_budget_sums(spec: Spec) -> tuple[Any, Any, Any]:
         budget_diffusion: wp.array(dtype=real),
         budget_shift: wp.array(dtype=real),
         budget_volume: wp.array(dtype=real),
+        budget_room: wp.array(dtype=real),
         budget_spray: wp.array(dtype=real),
         budget_lift: wp.array(dtype=real),
         budget_sums: wp.array2d(dtype=Sum),
@@ -135,6 +136,7 @@ def make_budget_sums(spec: Spec) -> tuple[Any, Any, Any]:
                 budget_changes[block, DIFFUSION] += gain_of(budget_diffusion[k])
                 budget_changes[block, SHIFT] += Sum(c[0], c[1], c[2], wp.float64(budget_shift[k]), wp.float64(0.0))
                 budget_changes[block, VOLUME] += gain_of(budget_volume[k])
+                budget_changes[block, ROOM] += gain_of(budget_room[k])
                 budget_changes[block, SPRAY] += gain_of(budget_spray[k])
                 budget_changes[block, LIFT] += gain_of(budget_lift[k])
             k += step

@@ -8,7 +8,8 @@ equation of state. G is the corrected pressure gradient of the last momentum swe
 the step. Walls take part in the first sum alone: what their pressure misses would be a source of volume beside them.
 
 In a domain that is full the divergence is exact for linear velocities, tr(sum_j (v_j - v_i) (x) grad_i W V_j M_i^-1): what a
-strained arrangement makes of a divergence has one sign, and would raise the pressure of the whole domain.
+strained arrangement makes of a divergence has one sign, and would raise the pressure of the whole domain. In any other the
+density follows the room of the particles, away from free surfaces, as fast as the fluid is strained (theory: delta#d8).
 """
 
 import functools
@@ -22,6 +23,8 @@ from warpsph.kernels.core.pair import WRAPPED, list_access, separation_of
 from warpsph.kernels.core.params import make_params, make_phase
 from warpsph.kernels.core.smoothing import make_smoothing
 from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, types_of
+
+from .delta_momentum import WHOLE
 
 SMALLEST_MOMENT = 0.1  # determinant below which a neighbourhood is too thin to correct
 SPARSE = 0.4  # of the dimension, which -sum F V r^2 is inside a fluid: fewer neighbours than a particle on a surface has
@@ -69,8 +72,10 @@ def make_delta_continuity(spec: Spec, flow_part: bool = True, slow_part: bool = 
         pressure_gradient: wp.array(dtype=vec),
         shift: wp.array(dtype=vec),
         slow_rate: wp.array(dtype=real),
+        wholeness: wp.array(dtype=real),
         density_excess: wp.array(dtype=real),
         density_rate: wp.array(dtype=real),
+        room_part: wp.array(dtype=real),
         carried: wp.array(dtype=vec),
         zone: wp.array(dtype=wp.int8),
     ):
@@ -93,6 +98,9 @@ def make_delta_continuity(spec: Spec, flow_part: bool = True, slow_part: bool = 
         flow = mat()  # sum F V (v_j - v_i) (x) x_ij
         moment = mat()  # -sum F V x_ij (x) x_ij
         correctable = bool(True)
+        full = bool(True)  # no particle of a free surface is within the support
+        if wp.static(roomy and spec.free_surface):
+            full = wholeness[i] >= real(WHOLE)
         room = state[i][1]  # sum of (1 - r^2/R^2)^2 V, its own place included
         k = list_begin(i, list_width)
         step = list_step(particle_count)
@@ -114,6 +122,8 @@ def make_delta_continuity(spec: Spec, flow_part: bool = True, slow_part: bool = 
             if wp.static(roomy):
                 inside = wp.max(real(1.0) - r2 * params.inv_window, real(0.0))
                 room += inside * inside * state_j[1]
+                if wp.static(spec.free_surface):
+                    full = full and (wholeness[j] >= real(WHOLE) or f == real(0.0))
             if wp.static(diffuses):
                 dp = state_j[0] - p_i
                 evening += f * (dp + real(0.5) * wp.dot(pressure_gradient[i] + pressure_gradient[j], d))
@@ -171,8 +181,13 @@ def make_delta_continuity(spec: Spec, flow_part: bool = True, slow_part: bool = 
             carried[i] = carry * (real(0.5) * params.g_norm)
             total += real(0.5) * params.g_norm * moved / real(clock[STEP])
         if wp.static(roomy):
-            strain = wp.sqrt(wp.ddot(flow, flow)) * params.g_norm
-            total += (real(1.0) + s_i) * params.room * strain * (room * params.window_norm - real(1.0))
+            part = real(0.0)
+            if full:
+                strain = flow + wp.transpose(flow)
+                shear_rate = wp.sqrt(real(0.5) * wp.ddot(strain, strain)) * params.g_norm
+                part = (real(1.0) + s_i) * params.room * shear_rate * (room * params.window_norm - real(1.0))
+            total += part
+            room_part[i] = part
         if wp.static(flow_part and not slow_part):
             total += slow_rate[i]
         if wp.static(spec.free_surface and flow_part):

@@ -107,8 +107,9 @@ def make_regularise(spec: Spec) -> Any:
     it alone; across it particles nearer than CROWDED spacings are pushed apart by 0.25 A |grad u| dt dx sum (1 - r/r_0) e,
     which is zero on an even arrangement with or without neighbours outside. There grad u dx may be an extrapolation: it
     makes a particle no faster along its change than its neighbours are. With a free surface how much the velocity is
-    smoothed, f |grad u| dt with f = `velocity_filter`, and its gradient are left to `velocity_smoothing`, and two particles that come nearer than CONTACT spacings lose their speed of approach, each one half of
-    it, as in a plastic collision: in a splash no pressure acts between them.
+    smoothed, f |grad u| dt with f = `velocity_filter`, and its gradient are left to `velocity_smoothing`, and two
+    particles that come nearer than CONTACT spacings lose their speed of approach, each one half of it, as in a plastic
+    collision: in a splash no pressure acts between them.
     """
     real, vec, mat, _ = types_of(spec)
     Params = make_params(spec.dimension, spec.precision)

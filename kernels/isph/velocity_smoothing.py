@@ -21,9 +21,9 @@ def make_smooth_velocity(spec: Spec) -> Any:
 
         du_i = d sum_j V_j W_ij k_ij e_ij (e_ij.[u_j - u_i - G_ij (x_j - x_i)]),    e_ij = x_ij/|x_ij|
 
-    k_ij = (k_i + k_j)/2 with k_i = f |grad u| dt, 0 in reach of a body away from the surface, G_ij = (G_i + G_j)/2 with the velocity gradients that `regularise` has
-    left. It is friction between pairs less what it makes of a field of second order. Inside the fluid d sum V W e (x) e is
-    the identity: k is the share of a deviation that a step takes out.
+    k_ij = (k_i + k_j)/2 with k_i = f |grad u| dt, 0 in reach of a body away from the surface, and G_ij = (G_i + G_j)/2 with
+    the velocity gradients that `regularise` has left. It is friction between pairs less what it makes of a field of second
+    order. Inside the fluid d sum V W e (x) e is the identity: k is the share of a deviation that a step takes out.
 
     Both ends of a pair find the same impulse with opposite signs, on their line: linear and angular momentum are conserved,
     but for the images behind walls.

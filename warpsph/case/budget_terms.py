@@ -13,7 +13,7 @@ KICKS = (
 )
 """parts of the acceleration"""
 
-CHANGES = ("exact_divergence", "density_diffusion", "shift", "volume_constraint", "spray", "lift")
+CHANGES = ("exact_divergence", "density_diffusion", "shift", "volume_constraint", "room", "spray", "lift")
 """what changes density, velocity and place in steps of its own"""
 
 TERMS = (*KICKS, *CHANGES)

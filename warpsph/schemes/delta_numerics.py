@@ -77,8 +77,8 @@ class DeltaNumerics(NumericsBase):
     )
     room_rate: Annotated[float | Auto, NumberRule(least=0, most=50, auto=True)] = Field(
         default="auto",
-        description="rate, over the velocity gradient, at which the density is held to the room that particles take. "
-        "auto: 2 with inlets and outlets, else 0 (paper: 0)",
+        description="rate, over the shear rate, at which the density is held to the room that particles take. "
+        "auto: 2 with a free surface, inlets or outlets, else 0 (paper: 0)",
         examples=["2"],
     )
     tension_control: Switch = Field(

@@ -76,9 +76,8 @@ def derive(case: Case, geometry: Geometry, row_list: bool) -> Physics:
     closed = filled and not case.has_flow_through
     reason = "holds the mean pressure of a full domain" if closed else "a free surface, or inlets and outlets"
     held = choose("volume_constraint", closed and not paper, "printed form" if paper else reason)
-    reason = "printed form" if paper else "nothing else holds the volume between inlets and outlets"
-    roomy = case.has_flow_through and not paper
-    room = choose("room_rate", ROOM_RATE if roomy else 0.0, reason if case.has_flow_through else "not needed")
+    reason = "printed form" if paper else "held by the whole domain" if closed else "nothing else holds the volume"
+    room = choose("room_rate", 0.0 if paper or closed else ROOM_RATE, reason)
     reason = "printed form" if paper else "pairs exchange momentum" if filled else "particles under tension do not clump"
     control = choose("tension_control", paper or not filled, reason)
     alpha = choose("artificial_viscosity", 0.0 if filled else ALPHA, "no free surface" if filled else "a free surface")
