@@ -13,6 +13,7 @@ density follows the room of the particles, away from free surfaces, as fast as t
 """
 
 import functools
+import math
 from typing import Any
 
 import warp as wp
@@ -183,9 +184,12 @@ def make_delta_continuity(spec: Spec, flow_part: bool = True, slow_part: bool = 
         if wp.static(roomy):
             part = real(0.0)
             if full:
-                strain = flow + wp.transpose(flow)
-                shear_rate = wp.sqrt(real(0.5) * wp.ddot(strain, strain)) * params.g_norm
-                part = (real(1.0) + s_i) * params.room * shear_rate * (room * params.window_norm - real(1.0))
+                strain = flow
+                if wp.static(spec.free_surface):
+                    # a body of fluid that turns is not strained
+                    strain = (flow + wp.transpose(flow)) * real(wp.static(math.sqrt(0.5)))
+                pace = wp.sqrt(wp.ddot(strain, strain)) * params.g_norm
+                part = (real(1.0) + s_i) * params.room * pace * (room * params.window_norm - real(1.0))
             total += part
             room_part[i] = part
         if wp.static(flow_part and not slow_part):
