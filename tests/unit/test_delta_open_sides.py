@@ -50,6 +50,29 @@ def test_density_follows_the_room_of_the_particles(device):
     np.testing.assert_allclose(bench.get("density_rate")[inside], 1.01 * 2.0 * 3.0 * 1.05 * 0.05, rtol=0.05)
 
 
+@pytest.mark.parametrize(("flow", "pace"), [("shear", 3.0), ("turn", 0.0), ("strain", 6.0)])
+def test_density_follows_the_room_below_a_free_surface(flow, pace, device):
+    """There at the shear rate, by which a body of fluid that turns has none; not where a surface is within the support."""
+    spec = Spec(dimension=2, precision="float64", scheme="delta_plus", free_surface=True, room=True, walls=False)
+    x = lattice((14, 14), 0.1, 0.0, 1, centre=False)
+    u = {"shear": [[0, 3], [0, 0]], "turn": [[0, 3], [-3, 0]], "strain": [[3, 0], [0, -3]]}[flow]
+    bench = Bench(
+        spec, x, spacing=0.1, ratio=2.0, fluids=(Fluid(density=2.0, sound_speed=10.0, gamma=7.0),), lower=0.0, upper=1.4,
+        width=120, volume=0.0105, room=2.0, velocity=x @ np.array(u, float).T, values={"density_diffusion": 0.0}, device=device,
+    )  # fmt: skip
+    bench.put("density_excess", 0.01)
+    bench.particles.put("midway", bench.particles.get("position"))
+    middle = (np.abs(x - 0.7) < 0.35).all(axis=1)
+    stage = next(node for node in delta.step(bench.spec) if getattr(node, "name", "") == "continuity")
+    for whole, share in ((1.0, 1.0), (0.5, 0.0)):
+        bench.particles.put("wholeness", np.where(middle, 1.0, whole))
+        bench.run(stage)
+        centre = (np.abs(x - 0.7) < 0.06).all(axis=1)
+        expected = share * 1.01 * 2.0 * pace * 1.05 * 0.05
+        np.testing.assert_allclose(bench.get("room_part")[centre], expected, rtol=0.05, atol=1e-12)
+        assert centre.any() and (share > 0.0 or (bench.get("room_part")[~middle] == 0.0).all())
+
+
 def test_pressure_that_is_linear_stays_out_of_density_diffusion(device):
     """Gradients of fluid and buffers on a disordered arrangement are that of the pressure, across the sides too."""
     pressure = "2.0 + 3.0*x - 1.5*y"
