@@ -58,7 +58,8 @@ def test_density_follows_the_room_below_a_free_surface(flow, pace, device):
     u = {"shear": [[0, 3], [0, 0]], "turn": [[0, 3], [-3, 0]], "strain": [[3, 0], [0, -3]]}[flow]
     bench = Bench(
         spec, x, spacing=0.1, ratio=2.0, fluids=(Fluid(density=2.0, sound_speed=10.0, gamma=7.0),), lower=0.0, upper=1.4,
-        width=120, volume=0.0105, room=2.0, velocity=x @ np.array(u, float).T, values={"density_diffusion": 0.0}, device=device,
+        width=120, volume=0.0105, room=2.0, velocity=x @ np.array(u, float).T, values={"density_diffusion": 0.0},
+        device=device,
     )  # fmt: skip
     bench.put("density_excess", 0.01)
     bench.particles.put("midway", bench.particles.get("position"))
