@@ -93,6 +93,40 @@ def make_friction_rate(precision: str) -> Any:
 
 
 @functools.cache
+def make_room_of_walls(spec: Spec) -> Any:
+    """Return the `wp.func` that sums (1 - r^2/R^2)^2 V over the wall particles of bodies in the list of particle i [m^d].
+
+    `k` is where they begin in the list.
+    """
+    real, vec, _, _ = types_of(spec)
+    Params = make_params(spec.dimension, spec.precision)
+    separation = separation_of(spec)
+    _, list_step, neighbour, Listed = list_access(spec)
+
+    @wp.func
+    def room_of_walls(
+        i: int,
+        k: int,
+        wall_neighbours: wp.array(dtype=wp.int16),
+        particle_count: int,
+        params: Params,
+        neighbours: Listed,
+        position: wp.array(dtype=vec),
+        boundary_volume: wp.array(dtype=real),
+    ):
+        room = real(0.0)
+        step = list_step(particle_count)
+        for number in range(int(wall_neighbours[i])):
+            j = neighbour(neighbours, i, k + number * step)
+            d = separation(position[i], position[j], True, params)
+            core = wp.max(real(1.0) - wp.dot(d, d) * params.inv_window, real(0.0))
+            room += core * core * boundary_volume[j - (particle_count - boundary_volume.shape[0])]
+        return room
+
+    return room_of_walls
+
+
+@functools.cache
 def make_body_source(spec: Spec) -> Any:
     """Return the sweep that adds the walls of bodies to the right-hand side of the pressure equation.
 

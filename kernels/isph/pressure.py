@@ -12,12 +12,12 @@ from warpsph.kernels.core.pair import WRAPPED, list_access, make_entry, natural
 from warpsph.kernels.core.params import make_params, make_phase
 from warpsph.kernels.core.poses import make_pose
 from warpsph.kernels.core.smoothing import make_smoothing
-from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, types_of
+from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, types, types_of
 from warpsph.kernels.core.time_signals import GRAVITY_NEXT, make_forcing
 from warpsph.kernels.core.weights import make_weights
 
 from .body_contact import make_contact
-from .body_pressure import make_friction_rate
+from .body_pressure import make_friction_rate, make_room_of_walls
 from .surface import INSIDE
 
 UNSURE = 0.01  # excess E that disorder alone can make: its standard deviation is 0.0037 on shifted particles
@@ -42,6 +42,27 @@ def make_takes_part(spec: Spec) -> Any:
 
 
 @functools.cache
+def make_let_go(dimension: int, precision: str) -> Any:
+    """Return the `wp.func` that gives the divergence by which an excess of the room that a particle has is let go [1/s].
+
+    None where `full` is false: the sum `crowd` of (1 - r^2/R^2)^2 V [m^d] has not all of the neighbourhood then.
+    """
+    real = types(dimension, precision).real
+    Params = make_params(dimension, precision)
+
+    @wp.func
+    def let_go(full: bool, crowd: real, speed: real, params: Params):
+        result = real(0.0)
+        if full:
+            excess = crowd * params.window_norm - real(1.0)
+            excess = excess - wp.clamp(excess, real(-UNSURE), real(UNSURE))
+            result = params.feedback * speed * params.inv_h * excess
+        return result
+
+    return let_go
+
+
+@functools.cache
 def make_assemble(spec: Spec) -> Any:
     """Return the sweep that fills the pressure matrix, its right-hand side and what the multigrid needs of them.
 
@@ -62,6 +83,7 @@ def make_assemble(spec: Spec) -> Any:
     time_weights = make_weights(spec.second_order)
     friction_rate = make_friction_rate(spec.precision)
     takes_part = make_takes_part(spec)
+    room_of_walls, let_go = make_room_of_walls(spec), make_let_go(spec.dimension, spec.precision)
     dimension = float(spec.dimension)
     image_bit = code_shift(spec.dimension)
     index_mask = (1 << image_bit) - 1
@@ -192,13 +214,7 @@ def make_assemble(spec: Spec) -> Any:
                 entry += row_step
                 count += 1
         if wp.static(spec.bodies):
-            last = end + int(wall_neighbours[i]) * step
-            while k < last:
-                j = neighbour(neighbours, i, k)
-                k += step
-                d = apart(xi, position[j], 0, wrapped, params, sides)
-                core = wp.max(real(1.0) - wp.dot(d, d) * params.inv_window, real(0.0))
-                crowd += core * core * boundary_volume[j - (particle_count - boundary_volume.shape[0])]
+            crowd += room_of_walls(i, end, wall_neighbours, particle_count, params, neighbours, position, boundary_volume)
         if wp.static(spec.walls and not spec.bodies):
             full = full and wall_neighbours[i] == wp.int16(0)
             end += int(wall_neighbours[i]) * step
@@ -220,11 +236,7 @@ def make_assemble(spec: Spec) -> Any:
                     if wp.static(spec.gravity):
                         right -= w * rho * wp.dot(gravity_of(params, forcing, GRAVITY_NEXT), d)
         divergence = wp.trace(flow * correction[i]) * params.g_norm
-        wanted = real(0.0)
-        if full:
-            excess = crowd * params.window_norm - real(1.0)
-            excess = excess - wp.clamp(excess, real(-UNSURE), real(UNSURE))
-            wanted = params.feedback * real(clock[SPEED]) * params.inv_h * excess
+        wanted = let_go(full, crowd, real(clock[SPEED]), params)
         if relaxed == 1:
             # BDF2 of dD/dt = -(D - wanted)/tau, the right side extrapolated: stable up to dt = tau
             rate = wp.float64(2.0) * clock[SPEED] / wp.float64(params.h)
