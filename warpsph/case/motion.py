@@ -52,6 +52,12 @@ class Motion(CaseModel):
         """Whether there is a rotation."""
         return is_signal(self.rotation) or self.rotation != 0.0
 
+    def keeps(self, axis: int) -> bool:
+        """Whether every point of the body keeps its coordinate along an axis."""
+        if self.turns:
+            return False
+        return not self.translation or (not is_signal(self.translation[axis]) and self.translation[axis] == 0.0)
+
 
 def check_motion(path: str, motion: Any, dimension: int, folder: Path | None, end_time: float) -> Iterator[Problem]:
     """Yield what is wrong with a motion: lengths of its vectors, tables, an axis that is none, a start that is elsewhere."""

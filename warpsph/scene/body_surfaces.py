@@ -107,15 +107,18 @@ def rooted(case: Case, body: Body, lattice: Lattice, support: float) -> Body:
     return body.model_copy(update={"shape": body.shape.model_copy(update={"box": grown})})
 
 
-def with_images(sampling: Sampling, case: Case, lattice: Lattice, support: float) -> Sampling:
+def with_images(sampling: Sampling, body: Body, case: Case, lattice: Lattice, support: float) -> Sampling:
     """The boundary particles of a body and their images beyond the sides of the domain that mirror the fluid.
 
     Beside a body that ends on such a side the images of the fluid would leave its place free beyond the side. An image has
-    no area and the leader of its particle.
+    no area and the leader of its particle. It moves as its particle does: a body that moves has images beyond those sides
+    along which it slides, and none beyond others.
 
     support: reach of the smoothing kernel, m; the images are as deep.
     """
     for k, sides in enumerate(case.sides):
+        if body.motion is not None and not body.motion.keeps(k):
+            continue
         for side, plane in ((sides.lower, lattice.lower[k]), (sides.upper, lattice.upper[k])):
             near = np.flatnonzero(np.abs(sampling.position[:, k] - plane) < support)
             if side.kind == "wall" and len(near):
@@ -176,8 +179,8 @@ def make_solids(
         filling = sampling.position
         if sampling.sheet.any():
             filling = layers_of(surface, spacing, layers).position
-        if case.scheme.mirrors_sides and stout and body.motion is None:
-            sampling = with_images(sampling, case, lattice, support)
+        if case.scheme.mirrors_sides and stout:
+            sampling = with_images(sampling, body, case, lattice, support)
         solids.append(Solid(surface, sampling, filling, distance, stout))
     return solids
 
