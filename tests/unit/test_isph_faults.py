@@ -265,3 +265,8 @@ def test_a_body_in_a_tank(device):
     assert not inside.any() and (~fluid).sum() == 9
     assert np.linalg.norm(state.velocity[fluid], axis=1).max() < 1e-4 * np.sqrt(9.81 * 0.8)
     assert (rows(simulation, "surface")[x[:, 1] < 0.6] == 0).all()
+
+
+def test_a_key_of_an_older_name_is_told_its_new_one():
+    with pytest.raises(CaseError, match="surface_filter: 1 -> is called velocity_filter now; write velocity_filter"):
+        Case.from_dict({"numerics": {"scheme": "isph", "surface_filter": 1}})

@@ -10,13 +10,16 @@ from warpsph.simulation import Simulation
 WIDTH, HALF = 0.05, 0.04  # of a leg, and of the difference of both levels at the start [m]
 
 
-def u_tube(scheme: str, per_metre: int) -> Simulation:
-    """Return a finished run to 1.2 s, about a period: legs and floor 0.05 m wide, levels 0.34 and 0.26 m."""
+def u_tube(scheme: str, per_metre: int, until: float = 1.2, **numerics: float) -> Simulation:
+    """Return a finished run, to about a period by default: legs and floor 0.05 m wide, levels 0.34 and 0.26 m.
+
+    numerics: choices beside the scheme, such as `velocity_filter=0`.
+    """
     case = Case.from_dict(
         {
             "dimension": 2,
             "particle_spacing": 1.0 / per_metre,
-            "end_time": 1.2,
+            "end_time": until,
             "domain": {
                 "lower": [0, 0],
                 "upper": [0.3, 0.5],
@@ -31,7 +34,7 @@ def u_tube(scheme: str, per_metre: int) -> Simulation:
             ],
             "bodies": {"block": {"shape": {"box": {"lower": [WIDTH, WIDTH], "upper": [0.25, 0.5]}}, "wall": "free_slip"}},
             "start": {"pressure": "hydrostatic"},
-            "numerics": {"scheme": scheme},
+            "numerics": {"scheme": scheme, **numerics},
             "output": {"particles": "none", "checkpoint": "none"},
             "gauges": {
                 "levels": {"type": "elevation", "places": [[0.0125], [0.0375], [0.2625], [0.2875]], "interval": 0.02},
@@ -44,6 +47,19 @@ def u_tube(scheme: str, per_metre: int) -> Simulation:
     return simulation
 
 
+def levels(simulation: Simulation) -> np.ndarray:
+    """Levels at the gauges over time (rows, 4), two in each leg [m]."""
+    measured = simulation.gauge("levels")
+    return np.stack([measured[name] for name in measured if name != "time"], axis=1)
+
+
+def show(scheme: str, per_metre: int, until: float, **numerics: float) -> None:
+    """Print the gain of energy [J/m] and the mean level [m] at the end, the figures of docs/records/isph.md#filter."""
+    simulation = u_tube(scheme, per_metre, until, **numerics)
+    total = simulation.gauge("energy")["total"]
+    print(f"{scheme} {per_metre}: {total[-1] - total[0]:.2f} J/m, level {levels(simulation)[-1].mean():.4f} m")
+
+
 @pytest.mark.parametrize(("scheme", "per_metre"), [("isph", 400), ("delta_plus", 120)])
 def test_gains_less_than_the_swing_has(scheme: str, per_metre: int) -> None:
     """Both turned 3 to 6 times as much into room behind the edges: noise that shifts fed, densities that knew no voids.
@@ -54,13 +70,10 @@ def test_gains_less_than_the_swing_has(scheme: str, per_metre: int) -> None:
     swing = 1000.0 * 9.81 * WIDTH * HALF**2
     total = simulation.gauge("energy")["total"]
     assert np.max(total - total[0]) < swing
-    levels = simulation.gauge("levels")
-    names = [name for name in levels if name != "time"]
-    assert len(names) == 4
-    mean = np.mean([levels[name] for name in names], axis=0)
-    assert mean[0] == pytest.approx(0.3, abs=1e-3)
+    measured = levels(simulation)
+    assert measured.shape[1] == 4 and measured[0].mean() == pytest.approx(0.3, abs=1e-3)
     # and it swings: the left level goes down below the mean and comes back, within a period of 1.23 to 1.27 s
-    left = np.mean([levels[name] for name in names[:2]], axis=0)
+    left = measured[:, :2].mean(axis=1)
     assert left.min() < 0.28 and left[-1] > 0.33
 
 

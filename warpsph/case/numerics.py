@@ -42,6 +42,10 @@ def _as_scheme(value: Any) -> str:
     raise bad_value(f"has no value; {needs}") if value is None else bad_value(needs, suggestion(value, known))
 
 
+RENAMED = {"surface_filter": "velocity_filter"}
+"""names that keys had before, and those that they have"""
+
+
 class NumericsBase(CaseModel):
     """How it is computed: the keys of every scheme. `formulation` sets the defaults of the keys that are `auto`.
 
@@ -107,7 +111,9 @@ class NumericsBase(CaseModel):
 
     @classmethod
     def foreign_key(cls, key: str, raw: Any) -> tuple[str, str] | None:
-        """Rule and remedy for a key of another scheme."""
+        """Rule and remedy for a key of another scheme, or of an older name."""
+        if key in RENAMED:
+            return f"is called {RENAMED[key]} now", f"write {RENAMED[key]}"
         owners = [name for name in registry.names() if key in registry.find(name).numerics.model_fields]
         if not owners:
             return None
