@@ -9,61 +9,17 @@ and `slot` (number of the thread, where each may keep a maximum of its own).
 from __future__ import annotations
 
 import difflib
-import queue
-import threading
 import time
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping
 from typing import Any
 
 import warp as wp
 
+from warpsph.engine.replay import Replay
+from warpsph.engine.team import ThreadTeam
+
 OWN = frozenset({"first", "slot"})  # arguments that a launch gives itself
 SMALLEST_SHARE = 256  # items below which a launch is not worth splitting
-
-
-class ThreadTeam:
-    """A fixed set of helper threads that run callables beside the calling thread.
-
-    Args:
-        threads: number of threads including the caller.
-    """
-
-    def __init__(self, threads: int) -> None:
-        self.threads = max(1, threads)
-        self._inboxes: list[queue.SimpleQueue[Callable[[], None] | None]] = []
-        self._done: queue.SimpleQueue[BaseException | None] = queue.SimpleQueue()
-        for number in range(1, self.threads):
-            inbox: queue.SimpleQueue[Callable[[], None] | None] = queue.SimpleQueue()
-            self._inboxes.append(inbox)
-            threading.Thread(target=self._serve, args=(inbox,), name=f"warpsph-{number}", daemon=True).start()
-
-    def _serve(self, inbox: queue.SimpleQueue[Callable[[], None] | None]) -> None:
-        while (work := inbox.get()) is not None:
-            error: BaseException | None = None
-            try:
-                work()
-            except BaseException as caught:  # handed to the caller
-                error = caught
-            self._done.put(error)
-
-    def run(self, parts: Sequence[Callable[[], None]]) -> None:
-        """Run the parts side by side, the first on the calling thread; return when all are done."""
-        for inbox, part in zip(self._inboxes, parts[1:], strict=False):
-            inbox.put(part)
-        error: BaseException | None = None
-        try:
-            parts[0]()
-        finally:
-            for _ in parts[1:]:
-                error = self._done.get() or error
-        if error is not None:
-            raise error
-
-    def close(self) -> None:
-        """Stop the helper threads."""
-        for inbox in self._inboxes:
-            inbox.put(None)
-        self._inboxes = []
 
 
 class Bindings(dict[str, Any]):
@@ -175,52 +131,48 @@ class Launcher:
     def _whole(self, name: str, kernel: Any, count: int, bindings: Bindings, start: int, extra: dict[str, Any]) -> Task:
         values = bindings.arguments(kernel, {"first": start, "slot": 0, **extra})
         command = wp.launch(kernel, dim=max(count, 1), inputs=values, device=self.device, record_cmd=True)
-        state = {"count": count}
-
-        def resize(new: int) -> None:
-            state["count"] = new
-            command.set_dim(max(new, 1))
-
-        if self.is_cpu:
-
-            def run() -> None:
-                if state["count"] > 0:
-                    command.launch()
-
-        else:
+        if not self.is_cpu:
 
             def run() -> None:
                 # recorded into graphs: the index range must not change afterwards
                 if count > 0:
                     command.launch()
 
-        return Task(name, run, resize)
+            return Task(name, run, lambda new: command.set_dim(max(new, 1)))
+
+        replay = Replay(command)
+        active: list[Callable[[], None]] = [replay.launch] if count > 0 else []
+
+        def resize(new: int) -> None:
+            replay.set_range(start, max(new, 1))
+            active[:] = [replay.launch] if new > 0 else []
+
+        return self._of_active(name, active, resize)
 
     def _split(self, name: str, kernel: Any, count: int, bindings: Bindings, start: int, extra: dict[str, Any]) -> Task:
-        commands = []
         first_at = next((n for n, a in enumerate(kernel.adj.args) if a.label == "first"), None)
         if first_at is None:
             return self._whole(name, kernel, count, bindings, start, extra)
+        parts = []
         for slot in range(self.threads):
             values = bindings.arguments(kernel, {"first": start, "slot": slot, **extra})
-            commands.append(wp.launch(kernel, dim=1, inputs=values, device=self.device, record_cmd=True))
+            parts.append(Replay(wp.launch(kernel, dim=1, inputs=values, device=self.device, record_cmd=True), first_at))
         active: list[Callable[[], None]] = []
-        team = self.team
 
         def resize(new: int) -> None:
             shares = self.threads if new >= SMALLEST_SHARE * self.threads else 1
-            active.clear()
-            for slot in range(shares if new > 0 else 0):
+            for slot in range(shares):
                 begin, end = new * slot // shares, new * (slot + 1) // shares
-                commands[slot].set_param_at_index(first_at, start + begin)
-                commands[slot].set_dim(end - begin)
-                active.append(commands[slot].launch)
-
-        def run() -> None:
-            if len(active) > 1:
-                team.run(active)
-            elif active:
-                active[0]()
+                parts[slot].set_range(start + begin, max(end - begin, 1))
+            active[:] = [self.team.together(parts[:shares])] if new > 0 else []
 
         resize(count)
+        return self._of_active(name, active, resize)
+
+    @staticmethod
+    def _of_active(name: str, active: list[Callable[[], None]], resize: Callable[[int], None]) -> Task:
+        def run() -> None:
+            for launch in active:
+                launch()
+
         return Task(name, run, resize)
