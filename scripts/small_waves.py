@@ -126,11 +126,11 @@ def main() -> int:
         model.stepper.read()
         rows.append(energies(model, case.spacing))
     kinetic, potential = np.array(rows).T
-    theory = DENSITY * GRAVITY * options.height**2 / 4 * LENGTH * (0.5 if options.standing else 1.0)
-    means = kinetic[:-1].reshape(options.periods, SAMPLES).mean(axis=1) / theory
+    expected = DENSITY * GRAVITY * options.height**2 / 4 * LENGTH * (0.5 if options.standing else 1.0)
+    means = kinetic[:-1].reshape(options.periods, SAMPLES).mean(axis=1) / expected
     gains = (kinetic + potential)[::SAMPLES] - kinetic[0] - potential[0]
-    print("kinetic energy over theory:", " ".join(f"{value:.3f}" for value in means))
-    print("gain, J/m:                 ", " ".join(f"{value:.2f}" for value in gains), f"of {2 * theory:.2f}")
+    print("kinetic energy, of theory's ", " ".join(f"{value:.3f}" for value in means))
+    print("gain, J/m                  ", " ".join(f"{value:.2f}" for value in gains), f"of {2 * expected:.2f}")
     return 0
 
 
