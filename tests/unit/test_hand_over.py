@@ -130,7 +130,7 @@ def test_callables_run_beside_the_caller_and_their_errors_arrive():
 
 def test_closing_ends_the_helpers():
     before = set(threading.enumerate())
-    launcher, task, _, _ = counting(3)
+    launcher, task, seen, _ = counting(3)
     task.run()
     helpers = set(threading.enumerate()) - before
     assert len(helpers) == 2
@@ -138,3 +138,5 @@ def test_closing_ends_the_helpers():
     for helper in helpers:
         helper.join(timeout=10)
         assert not helper.is_alive()
+    task.run()  # on the calling thread
+    assert (seen == 2).all()

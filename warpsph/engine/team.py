@@ -59,7 +59,14 @@ class ThreadTeam:
                 watching.launch()
 
     def run(self, parts: Sequence[Callable[[], None]]) -> None:
-        """Run the parts side by side, the first on the calling thread; return when all are done."""
+        """Run the parts side by side, the first on the calling thread; return when all are done.
+
+        Once the team is closed they run one after the other.
+        """
+        if len(self._inboxes) < len(parts) - 1:
+            for part in parts:
+                part()
+            return
         for inbox, box, part in zip(self._inboxes, self._boxes, parts[1:], strict=False):
             inbox.put(part)
             box[0] = CALLED
@@ -112,10 +119,12 @@ class ThreadTeam:
         """Wait until the helpers of a job are done, and let others use this processor meanwhile."""
         begin = time.perf_counter()
         job[1] = 1
-        while job[2] == WAITING:
-            time.sleep(0)
-            posting.launch()
-        job[1] = 0
+        try:
+            while job[2] == WAITING:
+                time.sleep(0)
+                posting.launch()
+        finally:  # Ctrl-C
+            job[1] = 0
         self._late += time.perf_counter() - begin > SLICE
         if self._late == LATE:
             self._late, self._rest = 0, REST
