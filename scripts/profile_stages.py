@@ -38,7 +38,7 @@ import bench_speed  # noqa: E402
 
 from warpsph.case.case import Case  # noqa: E402
 from warpsph.case.case_file import load_case  # noqa: E402
-from warpsph.engine.launch import Task  # noqa: E402
+from warpsph.engine.launch import Launcher, Task  # noqa: E402
 from warpsph.engine.program import Stage, walk  # noqa: E402
 from warpsph.kernels.core import clock as ck  # noqa: E402
 from warpsph.running.model import Model, quiet_warp  # noqa: E402
@@ -47,8 +47,10 @@ from warpsph.study.provenance import provenance  # noqa: E402
 CASES = Path(__file__).resolve().parent.parent / "cases"
 WARM_UP = 20  # steps
 FOREVER = 1.0e3  # s
-LAUNCHING = ((wp.Launch, "launch"), (wp, "copy"), (wp.utils, "radix_sort_pairs"), (wp.utils, "array_scan"),
-             (wp.array, "zero_"), (wp.array, "fill_"))  # fmt: skip
+# What launches beside the kernels of tasks.
+LAUNCHING = (
+    (wp, "copy"), (wp.utils, "radix_sort_pairs"), (wp.utils, "array_scan"), (wp.array, "zero_"), (wp.array, "fill_"),
+)  # fmt: skip
 
 
 def shipped(name: str, spacing: float) -> dict[str, Any]:
@@ -95,7 +97,9 @@ class Ledger:
     def open(self) -> Iterator[None]:
         """Count the launches of this thread and time tasks; another thread launches its share of the same kernels."""
         with contextlib.ExitStack() as stack:
-            for owner, name in LAUNCHING:
+            if self.device.is_cpu:
+                stack.enter_context(mock.patch.object(Launcher, "_of_active", self._counted_task(Launcher._of_active)))
+            for owner, name in LAUNCHING if self.device.is_cpu else (*LAUNCHING, (wp.Launch, "launch")):
                 stack.enter_context(mock.patch.object(owner, name, self._counted(getattr(owner, name))))
             stack.enter_context(mock.patch.object(Task, "timed", lambda task: self.book(task)))
             yield
@@ -107,6 +111,22 @@ class Ledger:
             return function(*arguments, **keywords)
 
         return call
+
+    def _counted_task(self, make: Callable[..., Task]) -> staticmethod:
+        """A task of a CPU runs its kernel on one thread or hands it to several: it is one launch."""
+
+        def call(name: str, active: list[Callable[[], None]], resize: Callable[[int], None]) -> Task:
+            task = make(name, active, resize)
+            run = task.run
+
+            def counted() -> None:
+                self.launches += len(active)
+                run()
+
+            task.run = counted
+            return task
+
+        return staticmethod(call)
 
     def book(self, task: Task) -> None:
         """Run a task and add what it took."""

@@ -197,4 +197,4 @@ def test_the_case_compares_with_the_table_at_its_end():
         assert case.reference["deformation"].value == pytest.approx(row[f"D_Ca{capillary:.3g}"], abs=1e-5)
         assert case.reference["angle"].column.endswith(f" - {row[f'angle_Ca{capillary:.3g}']:.2f}")
         found += 1
-    assert found == 9
+    assert found == 10
