@@ -95,6 +95,7 @@ def test_crowded_fluid_is_let_go_beside_bodies_too() -> None:
         case = Case.from_dict(
             {
                 "dimension": 2,
+                "precision": "float64",  # of a source of 200 the change is 1e-4 and less
                 "particle_spacing": 0.05,
                 "end_time": 1.0,
                 "domain": {
@@ -125,6 +126,9 @@ def test_crowded_fluid_is_let_go_beside_bodies_too() -> None:
     below = x[:, 1] < 0.7
     inside = np.median(change[below & ~beside])
     assert inside > 0.0 and (below & beside).sum() > 20
-    # walls keep their volumes, which are up to half of a neighbourhood and three quarters of one in a corner
-    assert (change[below & beside] > 0.0).all()
+    # Walls keep their volumes, which are up to half of a neighbourhood and three quarters of one in a corner. At the edge of
+    # the block they leave a twentieth of it open.
+    off_edge = np.hypot(*(x - 0.4).T) > 0.05
+    assert (below & ~off_edge).sum() == 3
+    assert (change[below & beside & off_edge] > 0.0).all()
     assert 0.4 < np.median(change[below & beside]) / inside < 1.0
