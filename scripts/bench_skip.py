@@ -21,6 +21,7 @@ import json
 import statistics
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +29,7 @@ import numpy as np
 import warp as wp
 
 from warpsph.case.case import Case
+from warpsph.engine.replay import Replay
 from warpsph.kernels.core import clock as ck
 from warpsph.kernels.core.spec import SWEEP_OPTIONS
 from warpsph.running.model import Model, quiet_warp
@@ -324,16 +326,18 @@ class HandStep:
             for argument in kernel.adj.args
             if argument.label in arrays
         }
-        threads = model.launcher.threads
-        self.sweeps: list[list[Any]] = []
+        launcher = model.launcher
+        threads = launcher.threads
+        self.sweeps: list[Callable[[], None]] = []
         for kernel in (hand_kick_drift, continuity, momentum):
             parts = []
             for slot in range(threads):
                 first, end = n * slot // threads, n * (slot + 1) // threads
                 inputs = [{**values, "first": first, "slot": slot}[argument.label] for argument in kernel.adj.args]
-                command = wp.launch(kernel, end - first, inputs, device=model.device, record_cmd=True)
-                parts.append(command.launch)
-            self.sweeps.append(parts)
+                parts.append(wp.launch(kernel, end - first, inputs, device=model.device, record_cmd=True))
+            # as the package launches its own kernels
+            together = launcher.team.together([Replay(part) for part in parts]) if launcher.is_cpu else parts[0].launch
+            self.sweeps.append(together)
         # the clock is the package's own: the time and the decisions of both are the same
         advance = wp.launch(
             ck.make_advance("float32"),
@@ -342,7 +346,7 @@ class HandStep:
             device=model.device,
             record_cmd=True,
         )
-        self.advance = advance.launch
+        self.advance = Replay(advance).launch if launcher.is_cpu else advance.launch
         self.graphs: dict[int, Any] = {}
 
     def run(self, steps: int) -> None:
@@ -361,22 +365,12 @@ class HandStep:
             self._steps(steps)
 
     def _steps(self, steps: int) -> None:
-        (drift,), (continuity,), (momentum,) = (part[:1] for part in self.sweeps)
-        advance = self.advance
-        if self.model.launcher.threads == 1:
-            for _ in range(steps):
-                drift()
-                continuity()
-                momentum()
-                advance()
-        else:
-            together = self.model.launcher.team.run
-            drifts, continuities, momenta = self.sweeps
-            for _ in range(steps):
-                together(drifts)
-                together(continuities)
-                together(momenta)
-                advance()
+        drift, continuity, momentum = self.sweeps
+        for _ in range(steps):
+            drift()
+            continuity()
+            momentum()
+            self.advance()
 
 
 # measuring -------------------------------------------------------------------------------------------------------------

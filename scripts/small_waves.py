@@ -25,6 +25,7 @@ from typing import Any
 import numpy as np
 
 from warpsph.case.case import Case
+from warpsph.case.case_file import load_case
 from warpsph.simulation import Simulation
 
 LENGTH, DEPTH, GRAVITY, DENSITY = 2.05, 0.5, 9.81, 1000.0
@@ -46,7 +47,7 @@ def case_of(scheme: str, spacings: int, height: float, standing: bool, changes: 
             "velocity": [f"{share}*{c}*cos({k}*x)", f"{share}*{s}*sin({k}*x)"],
             "pressure": f"{DENSITY * GRAVITY}*({depth} - y + {height}*cos({k}*x)*{weight})",
         }
-    case = Case.from_dict(
+    return load_case(
         {
             "dimension": 2,
             "particle_spacing": spacing,
@@ -62,12 +63,9 @@ def case_of(scheme: str, spacings: int, height: float, standing: bool, changes: 
             "start": start,
             "numerics": {"scheme": scheme},
             "output": {"particles": "none", "checkpoint": "none"},
-        }
+        },
+        changes,
     )
-    import yaml
-
-    given = dict(change.split("=", 1) for change in changes)
-    return case.replace({key: yaml.safe_load(value) for key, value in given.items()}) if given else case
 
 
 def frequency(depth: float) -> float:
