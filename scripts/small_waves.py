@@ -111,6 +111,8 @@ def main() -> int:
     parser.add_argument("--periods", type=int, default=4)
     parser.add_argument("--set", nargs="*", default=[], help="further keys, as numerics.maximum_step=0.005")
     options = parser.parse_args()
+    if options.spacings < 16 or options.height <= 0 or options.periods < 1:
+        parser.error("--spacings has to be 16 or more, --height above 0, --periods 1 or more")
     case = case_of(options.scheme, options.spacings, options.height, options.standing, options.set)
     depth = round(DEPTH / case.spacing) * case.spacing
     model = Simulation(case, device="cpu", threads=1).model
