@@ -64,7 +64,7 @@ def test_hand_written_sweeps_on_the_list_of_a_gpu(bench_skip, monkeypatch):
 def test_a_step_that_is_not_the_same_is_told(bench_skip):
     bench = bench_skip.Bench(bench_skip.scenes(24)["leanest"], "cpu", 1, 24)
     hand = bench_skip.HandStep(bench.model)
-    hand.sweeps[2][0] = lambda: None  # no momentum sweep
+    hand.sweeps[2] = lambda: None  # no momentum sweep
     check = bench_skip.compare(bench, hand)
     assert not check["identical"] and not bench_skip.agrees(check)
 
