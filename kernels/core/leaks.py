@@ -7,6 +7,8 @@ spacings to the centre of one: the corners of a staircase are no surface, and wh
 
 Beyond a wall is who is in the layers of its particles; where a side is open, fluid may come to lie beyond that over the rim.
 They are counted whenever the neighbour list is built: nothing gets through a wall without a way that asks for a new list.
+Who has gone over a rim and is twice as far beyond a wall as the kernel reaches is lost: nothing before the wall feels it. It
+is brought to rest at each build, for in free fall it would soon be faster than anything inside, and shorten all time steps.
 `leak_counts` holds, per phase: the particles counted at the last build, and the most that any build has found.
 """
 
@@ -24,6 +26,7 @@ from .spec import Spec, types_of
 LAST, LARGEST = 0, 1
 SUNK = 0.5  # depth behind the surface, in spacings: as far as a row at rest stands before it
 ABOUT = 0.5  # farther than the nearest boundary particle, in spacings
+EVERYWHERE = 1.0e30  # thickness of walls over which nothing can get
 INSIDE = 0.4  # a flat face of a cell is half a spacing from its centre
 
 
@@ -88,6 +91,33 @@ def make_leaks(spec: Spec) -> tuple[Any, Any]:
             leak_counts[2 * own + LARGEST] = wp.max(leak_counts[2 * own + LARGEST], found)
 
     return count_leaks, close_leaks
+
+
+@functools.cache
+def make_hold_spilled(spec: Spec) -> Any:
+    """Return the kernel over the fluid that brings to rest who is beyond a wall by more than twice its thickness."""
+    real, vec, _, _ = types_of(spec)
+    Sides = make_sides(spec.dimension, spec.precision)
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def hold_spilled(
+        first: int,
+        sides: Sides,
+        wall_thickness: real,
+        anchor: wp.array(dtype=vec),
+        velocity: wp.array(dtype=vec),
+    ):
+        i = wp.tid() + first
+        x = anchor[i]
+        lost = bool(False)
+        for axis in range(wp.static(spec.dimension)):
+            below, above = sides.lower[axis] - x[axis], x[axis] - sides.upper[axis]
+            lost = lost or (sides.kind[2 * axis] != NO_WALL and below > real(2.0) * wall_thickness)
+            lost = lost or (sides.kind[2 * axis + 1] != NO_WALL and above > real(2.0) * wall_thickness)
+        if lost:
+            velocity[i] = vec()
+
+    return hold_spilled
 
 
 @functools.cache

@@ -348,7 +348,7 @@ def test_water_over_the_rim_of_an_open_side_is_warned_of(tmp_path):
     simulation.run()
     assert simulation.summary["spilled"] == {"water": 3}
     assert any("over the rim of an open side" in text and "water 3" in text for text in simulation.summary["warnings"])
-    assert "shorten the time step" in (tmp_path / "run" / "log.txt").read_text()
+    assert "stopped outside" in (tmp_path / "run" / "log.txt").read_text()
 
 
 @pytest.mark.parametrize("numerics", [{}, {"scheme": "isph", "pressure_gradient": "conservative"}])

@@ -20,7 +20,7 @@ from warpsph.engine.population import Population
 from warpsph.errors import CapacityError
 from warpsph.kernels.core import cells, permute, slack, varying_list, visibility
 from warpsph.kernels.core.clock import make_judge
-from warpsph.kernels.core.leaks import make_in_cells, make_leaks, make_sunk
+from warpsph.kernels.core.leaks import EVERYWHERE, make_hold_spilled, make_in_cells, make_leaks, make_sunk
 from warpsph.kernels.core.mirror import code_shift, make_sides
 from warpsph.kernels.core.origins import make_wrap
 from warpsph.kernels.core.spec import Spec, types_of
@@ -144,6 +144,9 @@ class NeighbourList:
                 leaks_found=wp.zeros(launcher.threads * phases, dtype=int, device=device),
                 leak_counts=wp.zeros(2 * phases, dtype=int, device=device),
             )
+        # only where a side is open can fluid be beyond a wall that is not in it
+        thick = float(bindings.get("wall_thickness", EVERYWHERE))
+        self._holds_spilled = self._counts_leaks and thick < EVERYWHERE and not (spec.changing or spec.varying_h)
         bindings.update(
             grid=grid,
             cell_start=self.cell_start,
@@ -292,6 +295,8 @@ class NeighbourList:
             tasks += self._sight_tasks()
         if self._seeks_bodies:
             tasks += self.leak_tasks("anchor")  # they look at the list
+        if self._holds_spilled:
+            tasks.append(launcher.task("leaks", make_hold_spilled(spec), fluid, bindings))
         if spec.interface:
             mark, gather = cells.make_band(spec)
             tasks.append(launcher.task("band", mark, fluid, bindings))

@@ -21,7 +21,7 @@ from warpsph.engine.stepper import Stepper
 from warpsph.errors import WarpsphError
 from warpsph.kernels.core import clock as ck
 from warpsph.kernels.core.fields import FLUID as IN_FLUID
-from warpsph.kernels.core.leaks import LARGEST, LAST
+from warpsph.kernels.core.leaks import EVERYWHERE, LARGEST, LAST
 from warpsph.kernels.core.mirror import FREE_SLIP, NO_SLIP, NO_WALL, make_sides
 from warpsph.kernels.core.params import make_params, make_phase
 from warpsph.kernels.core.poses import make_pose
@@ -199,7 +199,7 @@ class Model:
             "side_walls": len(self.geometry.body_names) - len(case.bodies),
             "first_wall_id": self.geometry.fluid_count,
             # with an open side fluid may come to lie beyond a wall over its rim, else nowhere
-            "wall_thickness": real(physics.support if case.has_open_sides else 1.0e30),
+            "wall_thickness": real(physics.support if case.has_open_sides else EVERYWHERE),
             **self._frames(),
             "contact_angles": wp.array(contact_matrix(case).ravel(), dtype=real, device=self.device),
             **own,

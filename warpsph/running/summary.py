@@ -52,7 +52,7 @@ def spill_warning(counts: Mapping[str, int]) -> str:
     listed = ", ".join(f"{name} {count}" for name, count in counts.items() if count)
     return (
         f"particles that went over the rim of an open side and are outside: {listed}; "
-        "they fall for ever and shorten the time step. Move that side of the domain farther out, or make it a wall"
+        "they are stopped outside. Move that side of the domain farther out, or make it a wall"
     )
 
 

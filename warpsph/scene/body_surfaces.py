@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,11 +13,14 @@ from warpsph.scene.airfoils import airfoil, naca_4, read_section
 from warpsph.scene.body_sampling import Sampling, layers_of, sample
 from warpsph.scene.fluid_regions import expression_problem
 from warpsph.scene.lattice import Lattice
+from warpsph.scene.roots import Footing, gap_of, joined, rooted
 from warpsph.scene.surfaces import Ball, Hollow, Outline, ShapeError, Surface, box_surface
 from warpsph.scene.thinness import REFUSED, WARNED, ThinPlaces, thin_places
 from warpsph.scene.traced import trace_expression
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import NDArray
 
     from warpsph.case.bodies import Body
@@ -56,10 +59,13 @@ class Solid:
         return not bool((np.abs(self.distance) < (0.5 - OFF_LATTICE) * spacing).any())
 
 
-def surface_of(case: Case, body: Body, low: NDArray[np.float64], high: NDArray[np.float64]) -> Surface:
+def surface_of(
+    case: Case, body: Body, low: NDArray[np.float64], high: NDArray[np.float64], walls: Sequence[Footing] = ()
+) -> Surface:
     """The surface of a body at rest.
 
     low, high: corners of the space in which a condition is looked at, m.
+    walls: of the domain, into which the body that a condition describes goes on.
 
     Raises ShapeError if the shape has none, ExpressionError if a condition cannot be evaluated.
     """
@@ -83,28 +89,46 @@ def surface_of(case: Case, body: Body, low: NDArray[np.float64], high: NDArray[n
 
         found = read_stl(case.reference_file(shape.stl.file), shape.stl.scale, shape.stl.translate)
     elif shape.where is not None:
-        found = trace_expression(shape.where.condition, low.tolist(), high.tolist(), case.spacing)
+        beyond = np.zeros((2, len(low)))
+        for wall in walls:
+            beyond[(wall.way + 1) // 2, wall.axis] = wall.reach
+        found = trace_expression(shape.where.condition, low.tolist(), high.tolist(), case.spacing, beyond)
     else:
         raise ShapeError("is for fluids only")
     return Hollow(found) if body.hollow else found
 
 
-def rooted(case: Case, body: Body, lattice: Lattice, support: float) -> Body:
-    """A body at rest whose box ends on a wall of the domain, gone on into the wall: no fluid is before its face there.
+def footings(case: Case, body: Body, lattice: Lattice, support: float) -> list[Footing]:
+    """The walls of the domain that a body at rest, or one that moves along them, may stand on.
 
-    support: reach of the smoothing kernel, m; the box goes on twice as far.
+    A gap of less than a spacing holds no particle. A body on a wall goes on twice as deep as the smoothing kernel reaches.
+
+    support: reach of the smoothing kernel, m.
     """
-    box = body.shape.box
-    if box is None or body.hollow or body.motion is not None:
-        return body
-    lower, upper = list(box.lower), list(box.upper)
-    for k, (sides, spacing) in enumerate(zip(case.sides, lattice.spacing, strict=True)):
-        if sides.lower.kind == "wall" and lower[k] <= lattice.lower[k] + SAME * spacing:
-            lower[k] = min(lower[k], lattice.lower[k] - 2.0 * support)
-        if sides.upper.kind == "wall" and upper[k] >= lattice.upper[k] - SAME * spacing:
-            upper[k] = max(upper[k], lattice.upper[k] + 2.0 * support)
-    grown = box.model_copy(update={"lower": tuple(lower), "upper": tuple(upper)})
-    return body.model_copy(update={"shape": body.shape.model_copy(update={"box": grown})})
+    found = []
+    for k, sides in enumerate(case.sides):
+        if body.hollow or (body.motion is not None and not body.motion.keeps(k)):
+            continue
+        for side, way, plane in ((sides.lower, -1, lattice.lower[k]), (sides.upper, 1, lattice.upper[k])):
+            if side.kind == "wall":
+                found.append(Footing(k, way, plane, lattice.spacing[k], 2.0 * support))
+    return found
+
+
+def _standing(
+    path: str, surface: Surface, walls: list[Footing], case: Case, warnings: list[str]
+) -> Surface:
+    """The surface of a body, gone on into the walls that it stands on; gaps that this closes are warned of."""
+    for wall in walls:
+        asked = (case.domain.lower if wall.way < 0 else case.domain.upper)[wall.axis]
+        gap = gap_of(surface, replace(wall, plane=asked))
+        if gap > SAME * case.spacing:
+            warnings.append(
+                f"{path} ends {gap:.3g} m before the wall at {'xyz'[wall.axis]} = {asked:g}, less than a particle takes: "
+                "it goes on into the wall"
+            )
+        surface = rooted(surface, wall)
+    return surface
 
 
 def with_images(sampling: Sampling, body: Body, case: Case, lattice: Lattice, support: float) -> Sampling:
@@ -143,31 +167,27 @@ def make_solids(
     )  # fmt: skip
     low, high = np.array(lattice.lower) - beyond[:, 0], np.array(lattice.upper) + beyond[:, 1]
     solids: list[Solid] = []
-    for name, body in case.bodies.items():
-        path = f"bodies.{name}.shape"
-        try:
-            surface = surface_of(case, rooted(case, body, lattice, support), low, high)
-        except ExpressionError as error:
-            problems.append(expression_problem(path, body.shape, error))
-            continue
-        except ShapeError as error:
-            kind = body.shape.kind
-            problems.append(Problem(f"{path}.{kind}", kind, error.rule, error.remedy))
-            continue
+    surfaces = _surfaces(case, lattice, support, low, high, problems, warnings)
+    for name, surface in surfaces.items():
+        path, body = f"bodies.{name}.shape", case.bodies[name]
         thin = _too_thin(path, body, thin_places(surface, spacing, layers), spacing, warnings)
         if thin is not None:
             problems.append(thin)
             continue
-        sampling = sample(surface, spacing, layers, low.tolist(), high.tolist(), case.scheme.mean_edges)
+        beside = [surfaces[k] for k in surfaces if k != name and case.bodies[k].motion == body.motion]
+        whole = joined(surface, beside, 2.0 * support)
+        sampling = sample(whole, spacing, layers, low.tolist(), high.tolist(), case.scheme.mean_edges)
         stout = not sampling.sheet.any()
         if case.scheme.mirrors_sides and (case.has_flow_through or not stout):
             # a tail that stands on a mirror would need lines of sight to its images; beside inlets bodies are cells
             stout = False
-            surface = surface_of(case, body, low, high)
+            surface = whole = surface_of(case, body, low, high)
             sampling = sample(surface, spacing, layers, low.tolist(), high.tolist(), case.scheme.mean_edges)
+        if whole is not surface:
+            sampling = sampling.only(surface.signed_distance(sampling.position) <= SAME * spacing)
         inside = np.zeros(sampling.count, dtype=np.bool_)
         for other in solids:
-            inside |= other.surface.signed_distance(sampling.position) < 0.0
+            inside |= other.surface.signed_distance(sampling.position) <= SAME * spacing
         sampling = sampling.only(~inside)
         distance = _cell_distance(surface, lattice)
         if sampling.count == 0:
@@ -183,6 +203,30 @@ def make_solids(
             sampling = with_images(sampling, body, case, lattice, support)
         solids.append(Solid(surface, sampling, filling, distance, stout))
     return solids
+
+
+def _surfaces(
+    case: Case,
+    lattice: Lattice,
+    support: float,
+    low: NDArray[np.float64],
+    high: NDArray[np.float64],
+    problems: list[Problem],
+    warnings: list[str],
+) -> dict[str, Surface]:
+    """The surfaces of the bodies of a case by their names, gone on into walls; of those that have none a problem."""
+    found = {}
+    for name, body in case.bodies.items():
+        path = f"bodies.{name}.shape"
+        try:
+            walls = footings(case, body, lattice, support)
+            found[name] = _standing(path, surface_of(case, body, low, high, walls), walls, case, warnings)
+        except ExpressionError as error:
+            problems.append(expression_problem(path, body.shape, error))
+        except ShapeError as error:
+            kind = body.shape.kind
+            problems.append(Problem(f"{path}.{kind}", kind, error.rule, error.remedy))
+    return found
 
 
 def _too_thin(

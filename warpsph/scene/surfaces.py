@@ -234,6 +234,10 @@ class Outline(Surface):
             raise ShapeError("has fewer than three different corners", "give at least three")
         return cls(shapely.Polygon(points))
 
+    def edges(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Where the edges start and end, both (n, 2), m; the body is on the left of the way."""
+        return self._start, self._end
+
     def signed_distance(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """See `Surface.signed_distance`."""
         foot, _ = self._feet(points)

@@ -36,18 +36,28 @@ _KINK = np.radians(8.0)
 the radius of a curve turn less."""
 
 
-def trace_expression(condition: Expression, lower: Sequence[float], upper: Sequence[float], spacing: float) -> Surface:
+def trace_expression(
+    condition: Expression,
+    lower: Sequence[float],
+    upper: Sequence[float],
+    spacing: float,
+    beyond: NDArray[np.float64] | None = None,
+) -> Surface:
     """The surface of a condition of a case within a box, see `trace`.
+
+    beyond: (2, d), how far the body goes on beyond the lower and upper faces of the box with its section there, m.
 
     Raises:
         ShapeError: no point or every point fulfils it.
         ExpressionError: it cannot be evaluated.
     """
+    low, high = np.asarray(lower, dtype=np.float64), np.asarray(upper, dtype=np.float64)
+    more = np.zeros((2, len(low))) if beyond is None else beyond
 
     def inside(points: NDArray[np.float64]) -> NDArray[np.bool_]:
-        return values_at(condition, list(points.T), (len(points),)) != 0
+        return values_at(condition, list(np.clip(points, low, high).T), (len(points),)) != 0
 
-    return trace(inside, lower, upper, spacing)
+    return trace(inside, low - more[0], high + more[1], spacing)
 
 
 def trace(inside: Inside, lower: Sequence[float], upper: Sequence[float], spacing: float) -> Surface:
