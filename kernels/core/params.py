@@ -29,6 +29,7 @@ def make_params(dimension: int, precision: str) -> Any:
         center: vec  # of the central force [m]
         pull: real  # B^2 of the central acceleration -B^2 (x - center) [1/s^2]
         dissipation: real  # factor theta on the pressure difference in the star velocity [-]
+        even_slope: real  # sum of |grad W| V over an even lattice [1/m]
         damping: real  # of sound, its bulk viscosity over rho c h [-]
         relaxation_time: real  # in which a part of the pressure fades [s]
         shifting: real  # shifting coefficient A [-]

@@ -7,6 +7,7 @@ inside the skin without testing the distance.
 
 import dataclasses
 import functools
+import itertools
 import math
 from typing import Any
 
@@ -66,6 +67,16 @@ def window_integral(dimension: int, radius: float, power: int = 2) -> float:
     """Return the integral of (1 - r^2/R^2)^power, power 2 or 4, over the ball of radius R [m] in 1 to 3 dimensions [m^d]."""
     unit = {2: (16 / 15, PI / 3, 32 * PI / 105), 4: (256 / 315, PI / 5, 512 * PI / 3465)}[power]
     return unit[dimension - 1] * radius**dimension
+
+
+def lattice_slope(kernel: str, ratio: float, dimension: int) -> float:
+    """Return h times the sum of |grad W| V over an even lattice with h = ratio spacings, in 1 to 3 dimensions [-]."""
+    slope = make_smoothing(kernel, "float64")[1]
+    reach = math.ceil(KERNELS[kernel].support * ratio)
+    steps = [k / ratio for k in range(-reach, reach + 1)]
+    far = [math.hypot(*q) for q in itertools.product(steps, repeat=dimension)]
+    total = math.fsum(-float(slope(wp.float64(q))) * q for q in far)
+    return KERNELS[kernel].alpha[dimension - 1] / ratio**dimension * total
 
 
 @functools.cache

@@ -17,6 +17,8 @@ SMALLEST_MOMENT = 0.1  # determinant below which a neighbourhood is too thin to 
 def make_body_flow(spec: Spec) -> Any:
     """Return the `wp.func` of the rate of continuity that wall neighbours make; without bodies it is never called.
 
+    It returns (the rate, what pressure differences add to it, the sum of -F V r that this has).
+
     Their velocity is the mirrored one; for several fluids it is that of the one-sided Riemann problem of each, in which the
     wall moves at u*. With the corrected gradient the rate also takes out what the arrangement of all
     neighbours makes of a linear velocity without divergence. Arguments that are not those of the sweep: `dissipated` is
@@ -54,7 +56,7 @@ def make_body_flow(spec: Spec) -> Any:
         state: wp.array(dtype=pair),
     ):
         fluid_rows = particle_count - boundary_volume.shape[0]
-        rate = real(0.0)
+        rate, evening, stiffness = real(0.0), real(0.0), real(0.0)
         wall_flow = mat()
         wall_moment = mat()
         k = start
@@ -70,7 +72,8 @@ def make_body_flow(spec: Spec) -> Any:
                 mirrored = real(2.0) * velocity[j] - vi
             rate += f * wp.dot(vi - mirrored, d)
             if wp.static(spec.dissipation and not spec.corrected and not spec.multiphase):
-                rate += f * (p_i - state[j][0] - wp.dot(weight, d)) * r * dissipated
+                evening += f * (p_i - state[j][0] - wp.dot(weight, d)) * r * dissipated
+                stiffness -= f * r
             if wp.static(spec.corrected):
                 wall_flow += wp.outer(mirrored - vi, f * d)
                 wall_moment -= wp.outer(d, f * d)
@@ -80,6 +83,6 @@ def make_body_flow(spec: Spec) -> Any:
                 total = flow + wall_flow
                 if wp.determinant(m) > real(SMALLEST_MOMENT):
                     rate -= wp.trace(total * wp.inverse(m)) - wp.trace(total)
-        return rate
+        return rate, evening, stiffness
 
     return rate_at_bodies

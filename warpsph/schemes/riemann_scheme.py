@@ -99,13 +99,14 @@ class RiemannScheme(FlowThrough):
 
     def values(self, params: Any, case: Any, geometry: Geometry, physics: Physics, device: Any) -> dict[str, Any]:
         """Set the numbers of its sweeps."""
-        from warpsph.kernels.core.smoothing import window_integral
+        from warpsph.kernels.core.smoothing import lattice_slope, window_integral
 
         choices = physics.choices
         if physics.spec.room:
             params.room = float(choices["room_rate"])
             params.window_norm = 1.0 / window_integral(case.dimension, physics.support, 4)
         params.dissipation = float(choices["velocity_dissipation"])
+        params.even_slope = lattice_slope(physics.spec.kernel, physics.h / case.spacing, case.dimension) / physics.h
         params.shifting = float(choices["shifting"])
         params.damping = float(choices["acoustic_damping"])
         params.relaxation_time = float(choices["relaxation_time"])
