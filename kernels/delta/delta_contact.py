@@ -20,9 +20,9 @@ class Contact(NamedTuple):
     Attributes:
         braked: braked(a, v, gap, speed, normal, spacing, rate, dt), an acceleration with the contact of all surfaces.
         held: held(dx, gap, normal, spacing), a shift that does not go into surfaces that are touched.
-        ahead: ahead(gap, foot2, body2, spacing), the gaps of surfaces with feet at the distances sqrt(foot2), a spacing for
-            those that are neither ahead nor the nearest of all, nor of bodies alone, at sqrt(body2): beside a convex edge
-            the plane of its other face is none that the particle is about to touch.
+        ahead: ahead(gap, foot2, nearest2, body2, spacing), the gaps of surfaces with feet at the distances sqrt(foot2), a
+            spacing for those that are neither ahead nor the nearest of all, at sqrt(nearest2), nor of bodies alone, at
+            sqrt(body2): beside a convex edge the plane of its other face is none that the particle is about to touch.
     """
 
     braked: Any
@@ -34,8 +34,8 @@ class Contact(NamedTuple):
 def make_contact_of(spec: Spec) -> Contact:
     """Return the `wp.func`s of contact.
 
-    A particle may touch as many surfaces at once as there are axes: the floor, whose foot may stay the nearest, and the
-    body that it runs into.
+    A particle may touch as many surfaces of bodies at once as there are axes, and as many sides of the domain: the floor,
+    whose foot may stay the nearest, and the body that it runs into. A slope may lie nearest to the axis of the floor.
 
     Arguments of the functions:
         a: acceleration [m/s^2]; v: velocity [m/s]; dx: a shift [m]; dt: time step [s]
@@ -69,9 +69,8 @@ def make_contact_of(spec: Spec) -> Contact:
         return result
 
     @wp.func
-    def ahead(gap: vec, foot2: vec, body2: real, spacing: real):
+    def ahead(gap: vec, foot2: vec, nearest2: real, body2: real, spacing: real):
         result = gap
-        nearest2 = wp.min(foot2)
         for axis in range(wp.static(spec.dimension)):
             across2 = foot2[axis] - gap[axis] * gap[axis]  # of the way to the foot, along the surface
             # farther than half a cell along each of its axes

@@ -114,6 +114,9 @@ def make_delta_momentum(spec: Spec, measuring: bool = True) -> Any:
         face_normal = mat()  # in each row its normal, into the fluid
         face_foot2 = vec(params.spacing * params.spacing)  # bodies: square of the distance to the foot on it [m^2]
         body2 = real(4.0) * params.h * params.h  # the same to the nearest foot that is no side of the domain
+        # bodies: the same four of the sides of the domain
+        side_gap, side_foot2 = vec(params.spacing), vec(params.spacing * params.spacing)
+        side_speed, side_normal = vec(), mat()
         half_cell = vec(real(0.5) * params.spacing)
         k = list_begin(i, list_width)
         step = list_step(particle_count)
@@ -167,21 +170,27 @@ def make_delta_momentum(spec: Spec, measuring: bool = True) -> Any:
                             face_normal[axis, axis] = wp.sign(d[axis])
                             face_speed[axis] = velocity[j][axis] * wp.sign(d[axis])
                 else:
-                    # for each axis a normal may lie nearest to, the plane at the nearest foot; edges of the domain are none
+                    # for each axis a normal may lie nearest to, the plane at the nearest foot of a body and of a side; edges
+                    # of the domain are none
                     w = j - fluid_count
                     n_w = wall_normal[w]
                     clear = wp.dot(d, n_w) - wall_depth[w]
                     foot2 = r2 - wall_depth[w] * (real(2.0) * clear + wall_depth[w])
                     steep = wp.max(wp.abs(n_w))
-                    plane = wall_body[w] > side_walls or steep > real(0.99)
-                    body2 = wp.where(wall_body[w] > side_walls, wp.min(body2, foot2), body2)
+                    of_body = wall_body[w] > side_walls
+                    body2 = wp.where(of_body, wp.min(body2, foot2), body2)
                     for axis in range(wp.static(spec.dimension)):
-                        if plane and wp.abs(n_w[axis]) == steep and foot2 < face_foot2[axis]:
+                        if of_body and wp.abs(n_w[axis]) == steep and foot2 < face_foot2[axis]:
                             face_foot2[axis] = foot2
                             face_gap[axis] = clear
                             face_speed[axis] = wp.dot(velocity[j], n_w)
                             for part in range(wp.static(spec.dimension)):
                                 face_normal[axis, part] = n_w[part]
+                        if not of_body and wp.abs(n_w[axis]) > real(0.99) and foot2 < side_foot2[axis]:
+                            side_foot2[axis] = foot2
+                            side_gap[axis] = clear
+                            side_speed[axis] = velocity[j][axis] * wp.sign(n_w[axis])
+                            side_normal[axis, axis] = wp.sign(n_w[axis])
                 if wp.static(measured):
                     moment -= wp.outer(d, fd)
                 if wp.static(diffuses):
@@ -205,7 +214,11 @@ def make_delta_momentum(spec: Spec, measuring: bool = True) -> Any:
         a += driving_force(xi, params, forcing)
         if wp.static(spec.walls):
             stiff = real(2.0) * own.sound_speed * wp.length(into_wall) * g_norm
-            face_gap = ahead(face_gap, face_foot2, body2, params.spacing)
+            if wp.static(spec.bodies):
+                nearest2 = wp.min(wp.min(face_foot2), wp.min(side_foot2))
+                face_gap = ahead(face_gap, face_foot2, nearest2, body2, params.spacing)
+                side_gap = ahead(side_gap, side_foot2, nearest2, body2, params.spacing)
+                a = braked(a, vi, side_gap, side_speed, side_normal, params.spacing, stiff, real(clock[STEP]))
             a = braked(a, vi, face_gap, face_speed, face_normal, params.spacing, stiff, real(clock[STEP]))
         acceleration[i] = a
         if wp.dot(a, a) > maxima[slot * MAXIMA + 1]:
@@ -227,6 +240,8 @@ def make_delta_momentum(spec: Spec, measuring: bool = True) -> Any:
             dx = limit_shift(push * (-params.shifting * way * params.h * g_norm), cap, whole, least, inward)
             if wp.static(spec.walls):
                 dx = held(dx, face_gap, face_normal, params.spacing)
+                if wp.static(spec.bodies):
+                    dx = held(dx, side_gap, side_normal, params.spacing)
             shift[i] = dx
             if wp.dot(dx, dx) > maxima[slot * MAXIMA + 3]:
                 wp.atomic_max(maxima, slot * MAXIMA + 3, wp.dot(dx, dx))

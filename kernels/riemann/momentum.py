@@ -43,9 +43,8 @@ from .disorder import UNKNOWN, make_disorder_speed
 from .interface_flow import make_density_between
 from .star import make_jump, make_one_sided, make_star
 from .three_phases import make_parts_jump
+from .touch import make_touch
 
-# Gaps [spacings] at which a particle begins to touch a wall, half of the place of its row, and at which it is stopped.
-TOUCH, STOP = 0.25, 0.1
 # Share of the acoustic impact pressure Z_i Z_j/(Z_i + Z_j) (u_i - u_j): all of it is stable up to dt = 1.05 h/c alone
 # (theory: riemann#a9), and the light particle of a pair takes it twice over.
 IMPACT_SHARE = 0.25
@@ -70,6 +69,7 @@ def make_momentum(spec: Spec) -> Any:
     laplace_jump, parts_jump = make_jump(spec.precision), make_parts_jump(spec.precision)
     curved = curvature_type(spec)
     alone_at_wall, wall_reaction = make_one_sided(spec.dimension, spec.precision)
+    touching, held_off = make_touch(spec.dimension, spec.precision)
     viscous = spec.viscosity != "none"
     viscous_term = make_viscosity(spec.viscosity if viscous else "morris", spec.dimension, spec.precision)
     gravity_of, body_force_of = make_forcing(spec)
@@ -186,6 +186,9 @@ def make_momentum(spec: Spec) -> Any:
         face_speed = vec()  # speed of that cell along the axis [m/s]
         face_foot2 = vec(params.spacing * params.spacing)  # bodies: square of the distance to the foot on that face [m^2]
         face_normal = mat()  # bodies: in each row the normal there, into the fluid
+        # the same of the sides of the domain: a slope may lie nearest to the axis of the floor that it stands on
+        side_gap, side_foot2 = vec(params.spacing), vec(params.spacing * params.spacing)
+        side_speed, side_normal, side_touch = vec(), mat(), vec()
         nearest2 = real(4.0) * params.h * params.h  # bodies: the same for the nearest of all
         touch = vec()  # share of what drives the particle along each axis that such a cell takes up
         first_row = real(0.0)  # 1 in the first row before a wall, 0 from the second on
@@ -348,15 +351,20 @@ def make_momentum(spec: Spec) -> Any:
                         gap2 = wp.clamp(clear, real(0.0), params.spacing)
                         gap2 = gap2 * gap2
                     steep = wp.max(wp.abs(n_w))
+                    of_body = wall_body[w] > side_walls
                     for axis in range(wp.static(spec.dimension)):
-                        # an edge of the domain is no plane: its cells are behind two sides at once
-                        plane = wall_body[w] > side_walls or steep > real(0.99)
-                        if plane and wp.abs(n_w[axis]) == steep and foot2 < face_foot2[axis]:
+                        if of_body and wp.abs(n_w[axis]) == steep and foot2 < face_foot2[axis]:
                             face_foot2[axis] = foot2
                             face_gap[axis] = clear
                             face_speed[axis] = wp.dot(velocity[j], n_w)
                             for part in range(wp.static(spec.dimension)):
                                 face_normal[axis, part] = n_w[part]
+                        # an edge of the domain is no plane: its cells are behind two sides at once
+                        if not of_body and wp.abs(n_w[axis]) > real(0.99) and foot2 < side_foot2[axis]:
+                            side_foot2[axis] = foot2
+                            side_gap[axis] = clear
+                            side_speed[axis] = velocity[j][axis] * wp.sign(n_w[axis])
+                            side_normal[axis, axis] = wp.sign(n_w[axis])
                 approach += wp.dot(vi - velocity[j], fd)
                 p_wall = state[j][0]
                 if wp.static(spec.multiphase and not spec.bodies):
@@ -479,19 +487,17 @@ def make_momentum(spec: Spec) -> Any:
                 reaction = wall_reaction(a, into_wall, lone * first_row)
                 a += reaction
                 wall_push += rho_i * wp.length(reaction) / (wp.length(into_wall) * g_norm)
-            for axis in range(wp.static(spec.dimension)):
-                touch[axis] = wp.clamp(
-                    (real(TOUCH) - face_gap[axis] / params.spacing) / real(wp.static(TOUCH - STOP)), real(0.0), real(1.0)
-                )
-                if wp.static(spec.bodies):
-                    n_w = face_normal[axis]
-                    drive = wp.max(-wp.dot(a, n_w), real(0.0))
-                    speed = wp.max(face_speed[axis] - wp.dot(vi, n_w), real(0.0))
-                    damping = real(2.0) * own.sound_speed * wp.length(into_wall) * g_norm
-                    drive = touch[axis] * (drive + speed * damping / (real(1.0) + damping * real(clock[STEP])))
-                    a += drive * n_w
-                    wall_push += rho_i * drive / wp.max(wp.length(into_wall) * g_norm, real(1.0e-6) / params.h)
-                elif touch[axis] > real(0.0):
+            touch = touching(face_gap, params.spacing)
+            if wp.static(spec.bodies):
+                side_touch = touching(side_gap, params.spacing)
+                damping = real(2.0) * own.sound_speed * wp.length(into_wall) * g_norm
+                damping = damping / (real(1.0) + damping * real(clock[STEP]))  # backward Euler
+                unheld = a
+                a = held_off(a, vi, side_touch, side_speed, side_normal, damping)
+                a = held_off(a, vi, touch, face_speed, face_normal, damping)
+                wall_push += rho_i * wp.length(a - unheld) / wp.max(wp.length(into_wall) * g_norm, real(1.0e-6) / params.h)
+            for axis in range(wp.static(0 if spec.bodies else spec.dimension)):
+                if touch[axis] > real(0.0):
                     side = face_side[axis]
                     drive = wp.max(a[axis] * side, real(0.0))
                     speed = wp.max((vi[axis] - face_speed[axis]) * side, real(0.0))
@@ -529,6 +535,7 @@ def make_momentum(spec: Spec) -> Any:
                 for axis in range(wp.static(spec.dimension)):
                     if wp.static(spec.bodies):
                         dx -= (touch[axis] * wp.min(wp.dot(dx, face_normal[axis]), real(0.0))) * face_normal[axis]
+                        dx -= (side_touch[axis] * wp.min(wp.dot(dx, side_normal[axis]), real(0.0))) * side_normal[axis]
                     elif dx[axis] * face_side[axis] > real(0.0):
                         dx[axis] -= touch[axis] * dx[axis]
             shift[i] = dx

@@ -1,0 +1,187 @@
+"""Random dam breaks against obstacles on the floor: does water get into them, and does the run live?
+
+    python scripts/obstacles.py [--count 20] [--first 1] [--schemes riemann isph delta_plus] [--processes N] [--json FILE]
+
+A column of water of random size (a tank 5 cm to 3 m long, 55 to 90 spacings, which do not divide it) runs against one of
+eight obstacles of random size: boxes on each other and beside each other, trapezoid, triangle, disc sunk into the floor,
+hill given by a condition, step that ends on the wall, arch. Walls with and without friction, 6 sqrt(L/g).
+
+Judged, 60 times a run: whether it diverged; how many particles were ever deeper than half a spacing in an obstacle, or
+as far below the floor; the range of the densities. Exit code 1 if a run diverged or let more than 1 % of its particles in.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import random
+from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from warpsph.case.case import Case
+from warpsph.case.case_file import load_case
+from warpsph.study.provenance import provenance
+
+KINDS = ("stack", "pair", "trapezoid", "triangle", "disc", "hill", "step", "arch")
+GRAVITY = 9.81
+SAMPLES = 60
+SCHEMES = ("riemann", "isph", "delta_plus")
+LET_IN = 0.01  # of all particles
+
+
+def box(x0: float, y0: float, x1: float, y1: float) -> dict[str, Any]:
+    """Return the shape of a box."""
+    return {"box": {"lower": [x0, y0], "upper": [x1, y1]}}
+
+
+def polygon(*points: tuple[float, float]) -> dict[str, Any]:
+    """Return the shape of a polygon."""
+    return {"polygon": {"points": [list(point) for point in points]}}
+
+
+def shapes_of(kind: str, length: float, draw: random.Random) -> list[dict[str, Any]]:
+    """Return the shapes of an obstacle in a tank of a length [m]."""
+    x, w, h = (length * draw.uniform(*span) for span in ((0.5, 0.6), (0.1, 0.2), (0.08, 0.2)))
+    if kind == "stack":
+        return [box(x, 0, x + w, h / 2), box(x + w / 4, h / 2, x + 3 * w / 4, h)]
+    if kind == "pair":
+        return [box(x, 0, x + w / 2, h / 2), box(x + w / 2, 0, x + w, h)]
+    if kind == "trapezoid":
+        return [polygon((x, 0), (x + w, 0), (x + 0.7 * w, h), (x + 0.3 * w, h))]
+    if kind == "triangle":
+        return [polygon((x, 0), (x + w, 0), (x + w, h))]
+    if kind == "disc":
+        return [{"sphere": {"center": [x, draw.uniform(-0.25, 0.4) * w], "radius": w / 2}}]
+    if kind == "hill":
+        return [{"where": {"condition": f"y < {h}*exp(-((x - {x})/{w / 2})**2) - {h / 10}"}}]
+    if kind == "step":
+        return [box(x, 0, length, h / 2)]
+    legs = ((x + w / 3, 0), (x + w / 3, h / 2), (x + 2 * w / 3, h / 2), (x + 2 * w / 3, 0))
+    return [polygon((x, 0), *legs, (x + w, 0), (x + w, h), (x, h))]
+
+
+def scene(seed: int, scheme: str) -> Case:
+    """Return the case of a seed in a scheme."""
+    draw = random.Random(f"obstacle {seed}")
+    length = math.exp(draw.uniform(math.log(0.05), math.log(3.0)))
+    side = draw.choice(("free_slip", "wall"))
+    kind = draw.choice(KINDS)
+    walls = ("free_slip", "no_slip")
+    shapes = shapes_of(kind, length, draw)
+    bodies = {f"body_{k}": {"shape": shape, "wall": draw.choice(walls)} for k, shape in enumerate(shapes)}
+    column = box(0, 0, draw.uniform(0.25, 0.35) * length, draw.uniform(0.3, 0.45) * length)
+    friction = draw.choice((0.0, 1e-6, 1e-4 * math.sqrt(GRAVITY * length) * length))
+    return load_case(
+        {
+            "title": f"{kind}, seed {seed}",
+            "dimension": 2,
+            "particle_spacing": length / draw.uniform(55, 90),
+            "end_time": 6 * math.sqrt(length / GRAVITY),
+            "domain": {
+                "lower": [0, 0],
+                "upper": [length, 1.5 * length],
+                "boundary": {"x": side, "y": {"lower": side, "upper": "open"}},
+            },
+            "gravity": [0, -GRAVITY],
+            "phases": {"water": {"density": 1000, "viscosity": 1000 * friction}},
+            "fluids": [{"phase": "water", "shape": column}],
+            "bodies": bodies,
+            "start": {"pressure": "hydrostatic"},
+            "numerics": {"scheme": scheme},
+            "output": {"particles": "none", "checkpoint": "none"},
+        }
+    )
+
+
+class Depths:
+    """How deep points are in the obstacles of a case."""
+
+    def __init__(self, case: Case) -> None:
+        from warpsph.scene.body_surfaces import surface_of
+
+        length = float(case.domain.upper[0])
+        low, high = np.array([-length, -length]), np.array(case.domain.upper, dtype=float)
+        self.surfaces = [surface_of(case, body, low, high) for body in case.bodies.values()]
+
+    def deepest(self, points: np.ndarray) -> np.ndarray:
+        """Depth of points (n, 2), m, in the obstacle that each is deepest in; 0 and less outside."""
+        return np.max([-surface.signed_distance(points) for surface in self.surfaces], axis=0)
+
+
+def run(task: tuple[int, str]) -> dict[str, Any]:
+    """Run one scene and return what is judged."""
+    from warpsph.kernels.core import clock as ck
+    from warpsph.simulation import Simulation
+
+    seed, scheme = task
+    case = scene(seed, scheme)
+    model = Simulation(case, device="cpu", threads=1).model
+    model.stepper.prepare(fresh=True)
+    particles, depths = model.particles, Depths(case)
+    n, spacing, floor = particles.fluid_count, case.spacing, float(model.geometry.lattice.lower[1])
+    inside: set[int] = set()
+    below: set[int] = set()
+    least = most = 0.0
+    diverged: float | None = None
+    for sample in range(1, SAMPLES + 1):
+        model.stepper.run(case.end_time * sample / SAMPLES, 10**9)
+        clock, counters = model.stepper.read()
+        if counters[ck.FAULT]:
+            diverged = float(clock[ck.TIME])
+            break
+        place = particles.get("position")[:n].astype(float)
+        names = particles.get("particle_id")[:n]
+        under = (place[:, 1] < floor - 0.5 * spacing) & (place[:, 0] > 0) & (place[:, 0] < case.domain.upper[0])
+        deep = (depths.deepest(place) > 0.5 * spacing) & (place[:, 1] > floor)
+        inside |= set(names[deep].tolist())
+        below |= set(names[under].tolist())
+        if "density_excess" in particles.fields:
+            excess = particles.get("density_excess")[:n]
+            least, most = min(least, float(excess.min())), max(most, float(excess.max()))
+    return {
+        "seed": seed, "scheme": scheme, "obstacle": case.title.split(",")[0], "particles": n, "steps": model.steps,
+        "diverged": diverged, "inside": len(inside), "below": len(below), "density": [least, most],
+    }  # fmt: skip
+
+
+def missed(row: dict[str, Any]) -> bool:
+    """Whether a run diverged, or let in more than what counts."""
+    return row["diverged"] is not None or row["inside"] + row["below"] > LET_IN * row["particles"]
+
+
+def main() -> int:
+    """Run the scenes, print a row each; return 1 if any is missed."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--count", type=int, default=20, help="scenes a scheme")
+    parser.add_argument("--first", type=int, default=1, help="seed of the first")
+    parser.add_argument("--schemes", nargs="+", default=list(SCHEMES), choices=SCHEMES)
+    parser.add_argument("--processes", type=int, default=2)
+    parser.add_argument("--json", type=Path, help="file to write")
+    options = parser.parse_args()
+    if options.count < 1 or options.processes < 1:
+        parser.error("--count and --processes have to be 1 or more")
+    tasks = [(seed, scheme) for seed in range(options.first, options.first + options.count) for scheme in options.schemes]
+    rows = []
+    with ProcessPoolExecutor(options.processes) as pool:
+        for row in pool.map(run, tasks):
+            rows.append(row)
+            ending = "" if row["diverged"] is None else f"diverged at {row['diverged']:.4g} s"
+            print(
+                f"{row['seed']:6d} {row['scheme']:<10} {row['obstacle']:<10} {row['particles']:6d} particles  inside "
+                f"{row['inside']:3d}  below {row['below']:3d}  density {row['density'][0]:+.3f} {row['density'][1]:+.3f}  "
+                f"{'MISSED ' if missed(row) else ''}{ending}",
+                flush=True,
+            )
+    if options.json:
+        options.json.write_text(json.dumps(provenance() | {"rows": rows}, indent=1) + "\n", encoding="utf-8")
+    failed = sum(map(missed, rows))
+    print(f"{len(rows)} runs, {failed} missed, {sum(row['diverged'] is not None for row in rows)} of them diverged")
+    return int(failed > 0)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
