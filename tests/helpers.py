@@ -15,7 +15,7 @@ from warpsph.engine.stepper import Stepper
 from warpsph.kernels.core import clock as ck
 from warpsph.kernels.core import time_signals
 from warpsph.kernels.core.params import make_params, make_phase
-from warpsph.kernels.core.smoothing import KERNELS, window_integral
+from warpsph.kernels.core.smoothing import KERNELS, lattice_slope, window_integral
 from warpsph.kernels.core.spec import Spec, types_of
 from warpsph.kernels.riemann.density import make_continuity
 from warpsph.kernels.riemann.printed_sweeps import make_printed_continuity
@@ -196,6 +196,7 @@ class Setup:
         params.gravity = vec(*full(gravity, d))
         params.body_force = vec(*full(body_force, d))
         params.dissipation = dissipation
+        params.even_slope = lattice_slope(spec.kernel, ratio, d) / self.h
         params.shifting = shifting
         params.shift_cap = shift_cap
         params.zeta = zeta

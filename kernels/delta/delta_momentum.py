@@ -21,6 +21,7 @@ from warpsph.kernels.core.eigenvalue import make_least_eigenvalue
 from warpsph.kernels.core.fields import FLUID
 from warpsph.kernels.core.pair import WRAPPED, list_access, separation_of
 from warpsph.kernels.core.params import make_params, make_phase
+from warpsph.kernels.core.planes import make_planes
 from warpsph.kernels.core.smoothing import KERNELS, make_smoothing
 from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, types, types_of
 from warpsph.kernels.core.time_signals import GRAVITY_NEXT, make_forcing
@@ -45,6 +46,7 @@ def make_delta_momentum(spec: Spec, measuring: bool = True) -> Any:
     viscous_term, artificial_term = (make_viscosity(form, spec.dimension, spec.precision) for form in forms)
     limit_shift, crowding = make_limit_shift(spec), make_crowding(spec.precision)
     braked, held, ahead = make_contact_of(spec)
+    _, no_planes, noted = make_planes(spec.dimension, spec.precision)
     diffuses, shifts = spec.density_diffusion and measuring, spec.shifting and measuring
     measured = diffuses or (spec.free_surface and measuring)  # the moment is needed
 
@@ -109,14 +111,9 @@ def make_delta_momentum(spec: Spec, measuring: bool = True) -> Any:
         push = vec()  # sum of [1 + R (W/W(dx))^4] F V x_ij
         moment = mat()
         into_wall = vec()  # sum F V x_ij over walls
-        face_gap = vec(params.spacing)  # clearance to the surface straight ahead along each axis, or nearest to it [m]
-        face_speed = vec()  # speed of that surface along its normal [m/s]
-        face_normal = mat()  # in each row its normal, into the fluid
-        face_foot2 = vec(params.spacing * params.spacing)  # bodies: square of the distance to the foot on it [m^2]
-        body2 = real(4.0) * params.h * params.h  # the same to the nearest foot that is no side of the domain
-        # bodies: the same four of the sides of the domain
-        side_gap, side_foot2 = vec(params.spacing), vec(params.spacing * params.spacing)
-        side_speed, side_normal = vec(), mat()
+        # of bodies, and of the sides of the domain; without bodies of their cells
+        faces, sides = no_planes(params.spacing), no_planes(params.spacing)
+        body2 = real(4.0) * params.h * params.h  # square of the distance to the nearest foot on a body [m^2]
         half_cell = vec(real(0.5) * params.spacing)
         k = list_begin(i, list_width)
         step = list_step(particle_count)
@@ -164,33 +161,20 @@ def make_delta_momentum(spec: Spec, measuring: bool = True) -> Any:
                     beyond = wp.max(wp.abs(d) - half_cell, vec())
                     for axis in range(wp.static(spec.dimension)):
                         clear = wp.abs(d[axis]) - half_cell[axis]
-                        # the one that is straight ahead
-                        if wp.dot(beyond, beyond) == beyond[axis] * beyond[axis] and clear < face_gap[axis]:
-                            face_gap[axis] = clear
-                            face_normal[axis, axis] = wp.sign(d[axis])
-                            face_speed[axis] = velocity[j][axis] * wp.sign(d[axis])
+                        if wp.dot(beyond, beyond) == beyond[axis] * beyond[axis]:  # straight ahead
+                            n_w = vec()
+                            n_w[axis] = wp.sign(d[axis])
+                            faces = noted(faces, n_w, clear, clear * wp.abs(clear), wp.dot(velocity[j], n_w))
                 else:
-                    # for each axis a normal may lie nearest to, the plane at the nearest foot of a body and of a side; edges
-                    # of the domain are none
                     w = j - fluid_count
                     n_w = wall_normal[w]
                     clear = wp.dot(d, n_w) - wall_depth[w]
                     foot2 = r2 - wall_depth[w] * (real(2.0) * clear + wall_depth[w])
-                    steep = wp.max(wp.abs(n_w))
-                    of_body = wall_body[w] > side_walls
-                    body2 = wp.where(of_body, wp.min(body2, foot2), body2)
-                    for axis in range(wp.static(spec.dimension)):
-                        if of_body and wp.abs(n_w[axis]) == steep and foot2 < face_foot2[axis]:
-                            face_foot2[axis] = foot2
-                            face_gap[axis] = clear
-                            face_speed[axis] = wp.dot(velocity[j], n_w)
-                            for part in range(wp.static(spec.dimension)):
-                                face_normal[axis, part] = n_w[part]
-                        if not of_body and wp.abs(n_w[axis]) > real(0.99) and foot2 < side_foot2[axis]:
-                            side_foot2[axis] = foot2
-                            side_gap[axis] = clear
-                            side_speed[axis] = velocity[j][axis] * wp.sign(n_w[axis])
-                            side_normal[axis, axis] = wp.sign(n_w[axis])
+                    if wall_body[w] > side_walls:
+                        body2 = wp.min(body2, foot2)
+                        faces = noted(faces, n_w, clear, foot2, wp.dot(velocity[j], n_w))
+                    elif wp.max(wp.abs(n_w)) > real(0.99):  # an edge of the domain is no plane
+                        sides = noted(sides, n_w, clear, foot2, wp.dot(velocity[j], n_w))
                 if wp.static(measured):
                     moment -= wp.outer(d, fd)
                 if wp.static(diffuses):
@@ -215,11 +199,11 @@ def make_delta_momentum(spec: Spec, measuring: bool = True) -> Any:
         if wp.static(spec.walls):
             stiff = real(2.0) * own.sound_speed * wp.length(into_wall) * g_norm
             if wp.static(spec.bodies):
-                nearest2 = wp.min(wp.min(face_foot2), wp.min(side_foot2))
-                face_gap = ahead(face_gap, face_foot2, nearest2, body2, params.spacing)
-                side_gap = ahead(side_gap, side_foot2, nearest2, body2, params.spacing)
-                a = braked(a, vi, side_gap, side_speed, side_normal, params.spacing, stiff, real(clock[STEP]))
-            a = braked(a, vi, face_gap, face_speed, face_normal, params.spacing, stiff, real(clock[STEP]))
+                nearest2 = wp.min(wp.min(faces.foot2), wp.min(sides.foot2))
+                faces.gap = ahead(faces.gap, faces.foot2, nearest2, body2, params.spacing)
+                sides.gap = ahead(sides.gap, sides.foot2, nearest2, body2, params.spacing)
+                a = braked(a, vi, sides.gap, sides.speed, sides.normal, params.spacing, stiff, real(clock[STEP]))
+            a = braked(a, vi, faces.gap, faces.speed, faces.normal, params.spacing, stiff, real(clock[STEP]))
         acceleration[i] = a
         if wp.dot(a, a) > maxima[slot * MAXIMA + 1]:
             wp.atomic_max(maxima, slot * MAXIMA + 1, wp.dot(a, a))
@@ -239,9 +223,7 @@ def make_delta_momentum(spec: Spec, measuring: bool = True) -> Any:
             cap = wp.min(real(0.5) * way, params.shift_cap * params.h)
             dx = limit_shift(push * (-params.shifting * way * params.h * g_norm), cap, whole, least, inward)
             if wp.static(spec.walls):
-                dx = held(dx, face_gap, face_normal, params.spacing)
-                if wp.static(spec.bodies):
-                    dx = held(dx, side_gap, side_normal, params.spacing)
+                dx = held(held(dx, faces.gap, faces.normal, params.spacing), sides.gap, sides.normal, params.spacing)
             shift[i] = dx
             if wp.dot(dx, dx) > maxima[slot * MAXIMA + 3]:
                 wp.atomic_max(maxima, slot * MAXIMA + 3, wp.dot(dx, dx))

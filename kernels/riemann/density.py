@@ -2,6 +2,8 @@
 
     ds_i/dt = 2 (1+s_i) sum_j (v_i - v*_ij).grad_i W V_j,   s = rho/rho0 - 1
 
+Beside bodies in filled scenes (`linear`) it is exact for a linear velocity and pressure on any arrangement.
+
 Where sound is damped the pressure has alpha rho0 c h times that rate, less what pressure differences have in it.
 """
 
@@ -149,12 +151,10 @@ def make_continuity(spec: Spec) -> Any:
     laplace_jump, carried = make_jump(spec.precision), make_carried(spec.dimension, spec.precision)
     parts_jump, curved, damps = make_parts_jump(spec.precision), curvature_type(spec), spec.acoustic_damping
     hardening, bounded, damping = make_hardening(spec.precision), make_bounded(spec.precision), make_damping(spec)
-    (gravity_of, _), separation = make_forcing(spec), separation_of(spec)
+    (gravity_of, _), separation, evenly = make_forcing(spec), separation_of(spec), make_evenly(spec)
     periodic, jumps = any(spec.periodic), spec.tension == "pressure_jump" and not spec.triple
     spray, sided = spec.free_surface and not spec.multiphase, spec.multiphase and not spec.paper_star
-    # linear: exact for a linear velocity and pressure on any arrangement
     (_, stress_jump), linear = make_interface_stress(spec.dimension, spec.precision), spec.bodies and spec.corrected
-    evenly = make_evenly(spec)
     rate_at_bodies, sparse, uneven = make_body_flow(spec), SPARSE * spec.dimension, make_disorder_friction(spec)
 
     @wp.kernel(**pair_sweep(spec))
@@ -210,9 +210,9 @@ def make_continuity(spec: Spec) -> Any:
         if wp.static(spec.dissipation and spec.multiphase):
             hardened, softened = hardening(rest_volume[i] / (state_old[i][1] * real(PRESSED)), own.gamma)
             inv_z *= softened
-        # the rate; its parts from pressure differences where sound is damped, and to other phases
+        # the rate; its parts from pressure differences beneath a free surface or where sound is damped, and to other phases
         rate, blur, evening = real(0.0), real(0.0), real(0.0)
-        # its derivative by the own pressure, over c_i; what it would be among the own phase; that of pairs of the own phase
+        # its derivative by the own pressure, over c_i; what it would be among the own phase; that of pairs of that
         stiffness, plain_stiffness, own_stiffness = real(0.0), real(0.0), real(0.0)
         flow, moment = mat(), mat()  # sums of (v_j - v_i) (x) F V x_ij and of -x_ij (x) F V x_ij
         disordered, crowd = vec(), real(0.0)  # sums of F V times the friction of disorder; of -F V r^2, d inside a fluid
@@ -222,8 +222,7 @@ def make_continuity(spec: Spec) -> Any:
             if near:
                 kappa_i, w_i = real(0.0), real(0.0)
                 if wp.static(jumps):
-                    kappa_i = curvature[i]
-                    w_i = interface_weight[i]
+                    kappa_i, w_i = curvature[i], interface_weight[i]
                 while k < end:
                     j = neighbour(neighbours, i, k)
                     k += step
@@ -288,10 +287,7 @@ def make_continuity(spec: Spec) -> Any:
                     dp -= real(0.5) * wp.dot(pressure_gradient[i] + pressure_gradient[j], d)
                 elif wp.static(spec.gravity):
                     dp -= own.density * wp.dot(gravity_of(params, forcing, GRAVITY_NOW), d)
-                if wp.static(spray):
-                    evening += f * (dp * r * inv_z)
-                    stiffness -= f * r
-                elif wp.static(damps):
+                if wp.static(spray or damps):
                     blur += f * (dp * r * inv_z)
                 else:
                     term += dp * r * inv_z
@@ -302,6 +298,7 @@ def make_continuity(spec: Spec) -> Any:
                 flow += wp.outer(velocity[j] - vi, fd)
                 moment -= wp.outer(d, fd)
             if wp.static(spray):
+                stiffness -= f * r
                 crowd -= f * r * r
         if wp.static(spec.walls):
             end += int(wall_neighbours[i]) * step
@@ -311,35 +308,26 @@ def make_continuity(spec: Spec) -> Any:
                 j = neighbour(neighbours, i, k)
                 k += step
                 d = separation(xi, position[j], wrapped, params)
-                r = wp.sqrt(wp.dot(d, d))
-                rate += real(2.0) * slope(r * params.inv_h) * params.wall_volume * wp.dot(vi - velocity[j], d)
+                rate += real(2.0) * slope(wp.length(d) * params.inv_h) * params.wall_volume * wp.dot(vi - velocity[j], d)
         if wp.static(spec.bodies):
-            weight = own.density * gravity_of(params, forcing, GRAVITY_NOW)
             at_bodies, evened, stiffened = rate_at_bodies(
-                i, k, end, step, particle_count, wrapped, near, xi, vi, inv_z, p_i, weight, flow,
-                moment, params, neighbours, position, boundary_volume, velocity, mirror_velocity, state,
-            )  # fmt: skip
+                i, k, end, step, particle_count, wrapped, near, xi, vi, inv_z, p_i,
+                own.density * gravity_of(params, forcing, GRAVITY_NOW), flow, moment,
+                params, neighbours, position, boundary_volume, velocity, mirror_velocity, state)  # fmt: skip
             rate += at_bodies
-            if wp.static(spray):
-                evening += evened
-                stiffness += stiffened
-            else:
-                rate += evened
-        if wp.static(spray and spec.dissipation):
-            evening *= evenly(stiffness, params)
-            if wp.static(damps):
-                blur += evening
-            else:
-                rate += evening
+            blur += evened
+            stiffness += stiffened
+        if wp.static(spray):
+            blur *= evenly(stiffness, params)
         if wp.static(sided):
             hard = real(clock[STEP]) * own.sound_speed * params.dissipation * params.g_norm * hardened
             alike = hard * softened * own.impedance / own.resistance
             rate += bounded(evening, hard * stiffness, alike * plain_stiffness, alike * own_stiffness)
 
-        s = density_excess[i]
+        s, damped = density_excess[i], real(0.0)
         if wp.static(damps):
             damped = damping((real(1.0) + s) * params.g_norm * rate, params, own)
-            rate += blur
+        rate += blur
         s += real(clock[STEP]) * (real(1.0) + s) * params.g_norm * rate
         if wp.static(spray):
             # with hardly a fluid neighbour a density below rest is memory, not tension, and would draw spray into walls
@@ -348,9 +336,7 @@ def make_continuity(spec: Spec) -> Any:
         density_excess[i] = s
         if wp.static(spec.disorder):
             disorder_force[i] = disordered * (params.g_norm * state_old[i][1] / rest_volume[i])
-        p = eos(s, own.stiffness, own.gamma) + own.background
-        if wp.static(damps):
-            p += damped
+        p = eos(s, own.stiffness, own.gamma) + own.background + damped
         state[i] = pair(p, rest_volume[i] / (real(1.0) + s))
 
     return continuity

@@ -34,6 +34,7 @@ from warpsph.kernels.core.clock import MAXIMA, STEP
 from warpsph.kernels.core.fields import FLUID
 from warpsph.kernels.core.pair import BAND, NEAR, WRAPPED, list_access, separation_of
 from warpsph.kernels.core.params import make_params, make_phase
+from warpsph.kernels.core.planes import make_planes
 from warpsph.kernels.core.smoothing import make_smoothing
 from warpsph.kernels.core.spec import Spec, curvature_type, pair_sweep, types_of
 from warpsph.kernels.core.time_signals import GRAVITY_NEXT, make_forcing
@@ -70,6 +71,7 @@ def make_momentum(spec: Spec) -> Any:
     curved = curvature_type(spec)
     alone_at_wall, wall_reaction = make_one_sided(spec.dimension, spec.precision)
     touching, held_off = make_touch(spec.dimension, spec.precision)
+    _, no_planes, noted = make_planes(spec.dimension, spec.precision)
     viscous = spec.viscosity != "none"
     viscous_term = make_viscosity(spec.viscosity if viscous else "morris", spec.dimension, spec.precision)
     gravity_of, body_force_of = make_forcing(spec)
@@ -184,12 +186,9 @@ def make_momentum(spec: Spec) -> Any:
         face_gap = vec(params.spacing)  # clearance along each axis to the wall cell straight ahead [m]
         face_side = vec()  # whether that cell is above (1) or below (-1)
         face_speed = vec()  # speed of that cell along the axis [m/s]
-        face_foot2 = vec(params.spacing * params.spacing)  # bodies: square of the distance to the foot on that face [m^2]
-        face_normal = mat()  # bodies: in each row the normal there, into the fluid
-        # the same of the sides of the domain: a slope may lie nearest to the axis of the floor that it stands on
-        side_gap, side_foot2 = vec(params.spacing), vec(params.spacing * params.spacing)
-        side_speed, side_normal, side_touch = vec(), mat(), vec()
-        nearest2 = real(4.0) * params.h * params.h  # bodies: the same for the nearest of all
+        # bodies: planes of their surfaces, and of the sides of the domain: a slope may lie nearest to the axis of its floor
+        faces, sides = no_planes(params.spacing), no_planes(params.spacing)
+        nearest2 = real(4.0) * params.h * params.h  # bodies: square of the distance to the nearest foot of all [m^2]
         touch = vec()  # share of what drives the particle along each axis that such a cell takes up
         first_row = real(0.0)  # 1 in the first row before a wall, 0 from the second on
         approach = real(0.0)  # sum of F V x_ij.(v_i - v_w): speed into the wall times |into_wall|
@@ -350,21 +349,11 @@ def make_momentum(spec: Spec) -> Any:
                         nearest2 = foot2
                         gap2 = wp.clamp(clear, real(0.0), params.spacing)
                         gap2 = gap2 * gap2
-                    steep = wp.max(wp.abs(n_w))
-                    of_body = wall_body[w] > side_walls
-                    for axis in range(wp.static(spec.dimension)):
-                        if of_body and wp.abs(n_w[axis]) == steep and foot2 < face_foot2[axis]:
-                            face_foot2[axis] = foot2
-                            face_gap[axis] = clear
-                            face_speed[axis] = wp.dot(velocity[j], n_w)
-                            for part in range(wp.static(spec.dimension)):
-                                face_normal[axis, part] = n_w[part]
+                    if wall_body[w] > side_walls:
+                        faces = noted(faces, n_w, clear, foot2, wp.dot(velocity[j], n_w))
+                    elif wp.max(wp.abs(n_w)) > real(0.99):
                         # an edge of the domain is no plane: its cells are behind two sides at once
-                        if not of_body and wp.abs(n_w[axis]) > real(0.99) and foot2 < side_foot2[axis]:
-                            side_foot2[axis] = foot2
-                            side_gap[axis] = clear
-                            side_speed[axis] = velocity[j][axis] * wp.sign(n_w[axis])
-                            side_normal[axis, axis] = wp.sign(n_w[axis])
+                        sides = noted(sides, n_w, clear, foot2, wp.dot(velocity[j], n_w))
                 approach += wp.dot(vi - velocity[j], fd)
                 p_wall = state[j][0]
                 if wp.static(spec.multiphase and not spec.bodies):
@@ -487,14 +476,14 @@ def make_momentum(spec: Spec) -> Any:
                 reaction = wall_reaction(a, into_wall, lone * first_row)
                 a += reaction
                 wall_push += rho_i * wp.length(reaction) / (wp.length(into_wall) * g_norm)
-            touch = touching(face_gap, params.spacing)
+            touch, side_touch = touching(face_gap, params.spacing), vec()
             if wp.static(spec.bodies):
-                side_touch = touching(side_gap, params.spacing)
+                touch, side_touch = touching(faces.gap, params.spacing), touching(sides.gap, params.spacing)
                 damping = real(2.0) * own.sound_speed * wp.length(into_wall) * g_norm
                 damping = damping / (real(1.0) + damping * real(clock[STEP]))  # backward Euler
                 unheld = a
-                a = held_off(a, vi, side_touch, side_speed, side_normal, damping)
-                a = held_off(a, vi, touch, face_speed, face_normal, damping)
+                a = held_off(a, vi, side_touch, sides.speed, sides.normal, damping)
+                a = held_off(a, vi, touch, faces.speed, faces.normal, damping)
                 wall_push += rho_i * wp.length(a - unheld) / wp.max(wp.length(into_wall) * g_norm, real(1.0e-6) / params.h)
             for axis in range(wp.static(0 if spec.bodies else spec.dimension)):
                 if touch[axis] > real(0.0):
@@ -534,8 +523,8 @@ def make_momentum(spec: Spec) -> Any:
                 dx += wall_reaction(dx, into_wall, lone * first_row)
                 for axis in range(wp.static(spec.dimension)):
                     if wp.static(spec.bodies):
-                        dx -= (touch[axis] * wp.min(wp.dot(dx, face_normal[axis]), real(0.0))) * face_normal[axis]
-                        dx -= (side_touch[axis] * wp.min(wp.dot(dx, side_normal[axis]), real(0.0))) * side_normal[axis]
+                        dx -= (touch[axis] * wp.min(wp.dot(dx, faces.normal[axis]), real(0.0))) * faces.normal[axis]
+                        dx -= (side_touch[axis] * wp.min(wp.dot(dx, sides.normal[axis]), real(0.0))) * sides.normal[axis]
                     elif dx[axis] * face_side[axis] > real(0.0):
                         dx[axis] -= touch[axis] * dx[axis]
             shift[i] = dx

@@ -1,4 +1,4 @@
-"""What keeps a particle off the planes of walls that it touches (theory: riemann#a2)."""
+"""What keeps a particle off the planes of walls that it touches (theory: riemann#a5)."""
 
 import functools
 from typing import Any, NamedTuple

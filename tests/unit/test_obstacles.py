@@ -1,0 +1,49 @@
+"""`scripts/obstacles.py`: its scenes are scenes, water that got under them or burst does not any more, and it judges."""
+
+import importlib.util
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+SCRIPT = Path(__file__).resolve().parents[2] / "scripts" / "obstacles.py"
+
+
+@pytest.fixture(scope="module")
+def obstacles():
+    spec = importlib.util.spec_from_file_location("obstacles", SCRIPT)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.mark.parametrize(
+    ("seed", "scheme"), [(37, "delta_plus"), (20, "riemann"), (38, "isph"), (8, "riemann"), (11, "delta_plus")]
+)
+def test_scenes_that_were_lost_hold(obstacles, seed, scheme):
+    """A slope that water ran under, hills, boxes on each other: all diverged or let more than 1 % of the water in."""
+    row = obstacles.run((seed, scheme))
+    assert row["diverged"] is None
+    assert row["inside"] + row["below"] <= obstacles.LET_IN * row["particles"]
+    assert not obstacles.missed(row)
+
+
+def test_every_kind_is_drawn_and_seeds_are_scenes(obstacles):
+    titles = {obstacles.scene(seed, "isph").title.split(",")[0] for seed in range(1, 41)}
+    assert titles == set(obstacles.KINDS)
+    assert obstacles.scene(3, "isph").to_dict() == obstacles.scene(3, "isph").to_dict()
+
+
+def test_depths_are_those_of_the_deepest_obstacle(obstacles):
+    case = next(case for seed in range(1, 41) if (case := obstacles.scene(seed, "isph")).title.startswith("step"))
+    lower, upper = case.bodies["body_0"].shape.box.lower, case.bodies["body_0"].shape.box.upper
+    height = upper[1]
+    points = np.array([[0.5 * (lower[0] + upper[0]), 0.9 * height], [0.5 * lower[0], 0.5 * height]])
+    assert obstacles.Depths(case).deepest(points) == pytest.approx([0.1 * height, -0.5 * lower[0]])
+
+
+def test_what_is_missed(obstacles):
+    row = {"diverged": None, "inside": 3, "below": 2, "particles": 500}
+    assert not obstacles.missed(row)
+    assert obstacles.missed(row | {"below": 3})
+    assert obstacles.missed(row | {"diverged": 0.1})
