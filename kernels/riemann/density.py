@@ -222,7 +222,7 @@ def make_continuity(spec: Spec) -> Any:
             if near:
                 kappa_i, w_i = real(0.0), real(0.0)
                 if wp.static(jumps):
-                    kappa_i, w_i = curvature[i], interface_weight[i]
+                    kappa_i, w_i = real(curvature[i]), real(interface_weight[i])
                 while k < end:
                     j = neighbour(neighbours, i, k)
                     k += step
@@ -315,8 +315,7 @@ def make_continuity(spec: Spec) -> Any:
                 own.density * gravity_of(params, forcing, GRAVITY_NOW), flow, moment,
                 params, neighbours, position, boundary_volume, velocity, mirror_velocity, state)  # fmt: skip
             rate += at_bodies
-            blur += evened
-            stiffness += stiffened
+            blur, stiffness = blur + evened, stiffness + stiffened
         if wp.static(spray):
             blur *= evenly(stiffness, params)
         if wp.static(sided):
@@ -324,7 +323,8 @@ def make_continuity(spec: Spec) -> Any:
             alike = hard * softened * own.impedance / own.resistance
             rate += bounded(evening, hard * stiffness, alike * plain_stiffness, alike * own_stiffness)
 
-        s, damped = density_excess[i], real(0.0)
+        s = density_excess[i]
+        damped = real(0.0)
         if wp.static(damps):
             damped = damping((real(1.0) + s) * params.g_norm * rate, params, own)
         rate += blur
