@@ -62,6 +62,19 @@ def test_only_the_sole_of_a_mesh_goes_down():
     assert found.bounds[0, 2] == pytest.approx(-1.01)
 
 
+def test_a_mesh_whose_soles_meet_in_a_point_stays():
+    """Two cubes that touch in an edge above the floor and stand with one corner of each at one place."""
+    pv = pytest.importorskip("pyvista")
+    top = [(0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1), (2, 1, 1), (2, 2, 1), (1, 2, 1)]
+    corners = np.array([*((x, y, 0.0) for x, y, _ in top), (0.5, 0.5, 1.0), (1.5, 1.5, 1.0)], dtype=float)
+    soles = [(0, 1, 2, 3, 7), (2, 4, 5, 6, 8)]
+    faces = []
+    for *foot, tip in soles:
+        faces += [[4, *foot[::-1]], *([3, foot[k], foot[(k + 1) % 4], tip] for k in range(4))]
+    mesh = Mesh(pv.PolyData(corners, np.hstack(faces)))
+    assert rooted(mesh, Footing(axis=2, way=-1, plane=0.0, near=0.1, reach=1.0)) is mesh
+
+
 def test_what_does_not_stand_on_the_wall_stays():
     for surface in (Ball([0, 0.3], 0.3), Hollow(Ball([0, 0.3], 0.3)), box_surface([0, 0.2], [1, 1])):
         assert rooted(surface, FLOOR) is surface

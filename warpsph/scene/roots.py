@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from warpsph.scene.surfaces import Ball, Brick, Outline, Surface
+from warpsph.scene.surfaces import Ball, Brick, Outline, ShapeError, Surface
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -193,7 +193,10 @@ def _standing_triangles(surface: Any, footing: Footing) -> NDArray[np.bool_]:
 
 
 def _with_skirt(surface: Any, footing: Footing) -> Surface:
-    """A mesh whose triangles that stand on a wall are moved to where they come to be, with sides down to them."""
+    """A mesh whose triangles that stand on a wall are moved to where they come to be, with sides down to them.
+
+    A mesh of which this makes no closed surface stays as it is.
+    """
     import pyvista as pv
 
     from warpsph.scene.meshes import Mesh
@@ -213,4 +216,7 @@ def _with_skirt(surface: Any, footing: Footing) -> Surface:
     sides = np.concatenate([np.stack([a, b, number[b]], axis=1), np.stack([a, number[b], number[a]], axis=1)])
     triangles = np.concatenate([surface.triangles[~standing], number[sole], sides])
     faces = np.insert(triangles, 0, 3, axis=1).ravel()
-    return Mesh(pv.PolyData(np.concatenate([surface.corners, moved]), faces))
+    try:
+        return Mesh(pv.PolyData(np.concatenate([surface.corners, moved]), faces))
+    except ShapeError:  # two soles that meet in a point would be one along an edge
+        return surface
