@@ -170,11 +170,12 @@ def make_delta_momentum(spec: Spec, measuring: bool = True) -> Any:
                     n_w = wall_normal[w]
                     clear = wp.dot(d, n_w) - wall_depth[w]
                     foot2 = r2 - wall_depth[w] * (real(2.0) * clear + wall_depth[w])
-                    if wall_body[w] > side_walls:
-                        body2 = wp.min(body2, foot2)
-                        faces = noted(faces, n_w, clear, foot2, wp.dot(velocity[j], n_w))
-                    elif wp.max(wp.abs(n_w)) > real(0.99):  # an edge of the domain is no plane
-                        sides = noted(sides, n_w, clear, foot2, wp.dot(velocity[j], n_w))
+                    body2 = wp.where(wall_body[w] > side_walls, wp.min(body2, foot2), body2)
+                    if foot2 < params.spacing * params.spacing:
+                        if wall_body[w] > side_walls:
+                            faces = noted(faces, n_w, clear, foot2, wp.dot(velocity[j], n_w))
+                        elif wp.max(wp.abs(n_w)) > real(0.99):  # an edge of the domain is no plane
+                            sides = noted(sides, n_w, clear, foot2, wp.dot(velocity[j], n_w))
                 if wp.static(measured):
                     moment -= wp.outer(d, fd)
                 if wp.static(diffuses):

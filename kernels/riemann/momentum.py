@@ -349,11 +349,12 @@ def make_momentum(spec: Spec) -> Any:
                         nearest2 = foot2
                         gap2 = wp.clamp(clear, real(0.0), params.spacing)
                         gap2 = gap2 * gap2
-                    if wall_body[w] > side_walls:
-                        faces = noted(faces, n_w, clear, foot2, wp.dot(velocity[j], n_w))
-                    elif wp.max(wp.abs(n_w)) > real(0.99):
-                        # an edge of the domain is no plane: its cells are behind two sides at once
-                        sides = noted(sides, n_w, clear, foot2, wp.dot(velocity[j], n_w))
+                    if foot2 < params.spacing * params.spacing:
+                        if wall_body[w] > side_walls:
+                            faces = noted(faces, n_w, clear, foot2, wp.dot(velocity[j], n_w))
+                        elif wp.max(wp.abs(n_w)) > real(0.99):
+                            # an edge of the domain is no plane: its cells are behind two sides at once
+                            sides = noted(sides, n_w, clear, foot2, wp.dot(velocity[j], n_w))
                 approach += wp.dot(vi - velocity[j], fd)
                 p_wall = state[j][0]
                 if wp.static(spec.multiphase and not spec.bodies):
