@@ -9,16 +9,16 @@ from .spec import types
 
 
 class Planes(NamedTuple):
-    """The struct of planes, and `wp.func`s of it.
+    """`wp.func`s of the struct of planes, which has for each axis
+
+    gap: distance of the particle, m; foot2: square of the distance of the foot, m^2; speed: of the plane along its normal,
+    m/s; normal: in each row that of a plane, into the fluid, 0 where there is none.
 
     Attributes:
-        struct: gap: distances of the particle, m; foot2: squares of the distances of their feet, m^2; speed: along their
-            normals, m/s; normal: in each row that of a plane, into the fluid, 0 where there is none.
         none: none(spacing), no planes: gaps and feet a spacing away.
         noted: noted(planes, normal, gap, foot2, speed), with another one if its foot is nearer than that of its axis.
     """
 
-    struct: Any
     none: Any
     noted: Any
 
@@ -55,4 +55,4 @@ def make_planes(dimension: int, precision: str) -> Planes:
                     result.normal[axis, part] = normal[part]
         return result
 
-    return Planes(TouchedPlanes, none, noted)
+    return Planes(none, noted)

@@ -46,7 +46,7 @@ def make_delta_momentum(spec: Spec, measuring: bool = True) -> Any:
     viscous_term, artificial_term = (make_viscosity(form, spec.dimension, spec.precision) for form in forms)
     limit_shift, crowding = make_limit_shift(spec), make_crowding(spec.precision)
     braked, held, ahead = make_contact_of(spec)
-    _, no_planes, noted = make_planes(spec.dimension, spec.precision)
+    no_planes, noted = make_planes(spec.dimension, spec.precision)
     diffuses, shifts = spec.density_diffusion and measuring, spec.shifting and measuring
     measured = diffuses or (spec.free_surface and measuring)  # the moment is needed
 

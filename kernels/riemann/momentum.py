@@ -71,7 +71,7 @@ def make_momentum(spec: Spec) -> Any:
     curved = curvature_type(spec)
     alone_at_wall, wall_reaction = make_one_sided(spec.dimension, spec.precision)
     touching, held_off = make_touch(spec.dimension, spec.precision)
-    _, no_planes, noted = make_planes(spec.dimension, spec.precision)
+    no_planes, noted = make_planes(spec.dimension, spec.precision)
     viscous = spec.viscosity != "none"
     viscous_term = make_viscosity(spec.viscosity if viscous else "morris", spec.dimension, spec.precision)
     gravity_of, body_force_of = make_forcing(spec)

@@ -332,6 +332,30 @@ def test_leaks_are_counted_by_phase_and_warned_of(tmp_path):
     assert "beyond a wall" in (tmp_path / "run" / "log.txt").read_text()
 
 
+def test_what_is_lost_over_a_rim_is_stopped_and_nothing_else():
+    """Twice as far beyond a wall as the kernel reaches; above an open side, in the wall and inside nothing is touched."""
+    case = closed(
+        domain={"lower": [0, 0], "upper": [1, 1], "boundary": {"x": "wall", "y": {"lower": "wall", "upper": "open"}}},
+        fluids=[{"phase": "water", "shape": {"box": {"lower": [0, 0], "upper": [0.3, 0.3]}}}],
+        gravity=[0, -9.81],
+    )
+    model = Simulation(case, threads=1).model
+    particles, reach = model.particles, model.physics.support
+    place = particles.get("anchor")
+    lost = [[1 + 2.1 * reach, 0.5], [0.5, -2.1 * reach], [-2.1 * reach, 3.0]]
+    kept = [[1 + 1.9 * reach, 0.5], [0.5, 5.0], [-0.01, 0.5], [0.6, 0.6]]
+    place[:7] = [*lost, *kept]
+    for name in ("anchor", "position"):
+        particles.put(name, place)
+    particles.put("velocity", np.full_like(particles.get("velocity"), 3.0))
+    names = particles.get("particle_id")[:7].tolist()
+    model.stepper.rebuild(moving=False)
+    row = {int(name): k for k, name in enumerate(particles.get("particle_id"))}
+    velocity = particles.get("velocity")
+    assert (velocity[[row[name] for name in names[:3]]] == 0.0).all()
+    assert (velocity == 0.0).all(axis=1).sum() == 3
+
+
 def test_water_over_the_rim_of_an_open_side_is_warned_of(tmp_path):
     """Beyond a wall and above the rim, or deeper than the wall is thick; not above the open side, not within the wall."""
     case = closed(

@@ -18,7 +18,8 @@ def obstacles():
 
 
 @pytest.mark.parametrize(
-    ("seed", "scheme"), [(37, "delta_plus"), (20, "riemann"), (38, "isph"), (8, "riemann"), (11, "delta_plus")]
+    ("seed", "scheme"),
+    [(37, "delta_plus"), (37, "riemann"), (20, "riemann"), (38, "isph"), (8, "riemann"), (11, "delta_plus")],
 )
 def test_scenes_that_were_lost_hold(obstacles, seed, scheme):
     """A slope that water ran under, hills, boxes on each other: all diverged or let more than 1 % of the water in."""
