@@ -109,7 +109,8 @@ def main() -> int:
     options = parser.parse_args()
     if options.processes < 1 or min(options.spacings) < 4 or min(options.times) <= 0:
         parser.error("--processes has to be 1 or more, --spacings 4 or more, --times above 0")
-    tasks = [(scheme, n, tuple(options.times), tuple(options.changes)) for n in options.spacings for scheme in options.schemes]
+    times, changes = tuple(options.times), tuple(options.changes)
+    tasks = [(scheme, n, times, changes) for n in options.spacings for scheme in options.schemes]
     rows = []
     with ProcessPoolExecutor(options.processes) as pool:
         for row in pool.map(run, tasks):

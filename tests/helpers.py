@@ -257,6 +257,7 @@ class Setup:
         clock[ck.RARE_CAP] = math.inf
         self.clock = clock
         self.counters = np.zeros(ck.COUNTERS_SIZE, dtype=np.int32)
+        self.counters[ck.RARE_STEPS] = ck.RARE_INTERVAL
         self.counters[ck.FAULT_PARTICLE] = ck.NO_PARTICLE
 
     def stepper(self, threads=1):

@@ -90,6 +90,7 @@ BAND_COUNT = COUNTERS.slot("-", "particles in the interface band")
 REBUILDS = COUNTERS.slot("-", "builds of the neighbour list", kept=True)
 LIST_PEAK = COUNTERS.slot("-", "longest list so far")
 STEPS_SINCE_RARE = COUNTERS.slot("-", "steps since the rare stages ran", kept=True)
+RARE_STEPS = COUNTERS.slot("-", "steps after which the rare stages run again")
 CHECK = COUNTERS.slot("-", "the list has to be checked, see `slack`")
 CHECKS = COUNTERS.slot("-", "checks of the list", kept=True)
 CARE = COUNTERS.slot("-", "the list has to be checked or rebuilt")
@@ -209,7 +210,7 @@ def make_advance(precision: str) -> Any:
         # Constraints and interface geometry follow the flow, which is slower than sound: they need no new look until a
         # particle has gone a part of h, or capillary waves have had time to move.
         counters[RARE] = 0
-        if counters[STEPS_SINCE_RARE] + 1 >= RARE_INTERVAL:
+        if counters[STEPS_SINCE_RARE] + 1 >= counters[RARE_STEPS]:
             counters[RARE] = 1
         if clock[RARE_WAY] + (speed + kick) * dt + clock[SHIFT] > clock[RARE_LIMIT]:
             counters[RARE] = 1

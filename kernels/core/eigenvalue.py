@@ -7,6 +7,9 @@ import warp as wp
 
 from .spec import types
 
+# Least eigenvalue of the moment of a neighbourhood, up to which its particle is one of a free surface (Sun et al. 2017).
+WHOLE = 0.75
+
 
 @functools.cache
 def make_least_eigenvalue(dimension: int, precision: str) -> Any:

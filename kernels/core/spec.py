@@ -53,6 +53,7 @@ class Spec:
         volume_constraint: the mean pressure follows from the volume of a closed domain.
         momentum_axes: periodic axes on which nothing pushes: the total momentum along them is kept (riemann).
         room: the density is held to the room that the particles take.
+        surface_room: the same under a free surface, and thin fluid has no pressure (riemann).
         interface_force: pair force that keeps phases apart.
         dissipation: the pressure difference enters the star velocity.
         acoustic_damping: compression and expansion have a viscosity of their own.
@@ -118,6 +119,7 @@ class Spec:
     volume_constraint: bool = False
     momentum_axes: tuple[int, ...] = ()
     room: bool = False
+    surface_room: bool = False
     interface_force: bool = False
     dissipation: bool = True
     acoustic_damping: bool = False

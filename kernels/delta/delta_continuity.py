@@ -10,6 +10,7 @@ the step. Walls take part in the first sum alone: what their pressure misses wou
 In a domain that is full the divergence is exact for linear velocities, tr(sum_j (v_j - v_i) (x) grad_i W V_j M_i^-1): what a
 strained arrangement makes of a divergence has one sign, and would raise the pressure of the whole domain. In any other the
 density follows the room of the particles, away from free surfaces, as fast as the fluid is strained (theory: delta#d8).
+Where no whole particle is in reach the fluid is thinner than the kernel: it has no pressure (theory: delta#thin).
 """
 
 import functools
@@ -19,13 +20,12 @@ from typing import Any
 import warp as wp
 
 from warpsph.kernels.core.clock import STEP
+from warpsph.kernels.core.eigenvalue import WHOLE
 from warpsph.kernels.core.fields import FLUID
 from warpsph.kernels.core.pair import WRAPPED, list_access, separation_of
 from warpsph.kernels.core.params import make_params, make_phase
 from warpsph.kernels.core.smoothing import make_smoothing
 from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, types_of
-
-from .delta_momentum import WHOLE
 
 SMALLEST_MOMENT = 0.1  # determinant below which a neighbourhood is too thin to correct
 SPARSE = 0.4  # of the dimension, which -sum F V r^2 is inside a fluid: fewer neighbours than a particle on a surface has
@@ -99,9 +99,10 @@ def make_delta_continuity(spec: Spec, flow_part: bool = True, slow_part: bool = 
         flow = mat()  # sum F V (v_j - v_i) (x) x_ij
         moment = mat()  # -sum F V x_ij (x) x_ij
         correctable = bool(True)
-        full = bool(True)  # no particle of a free surface is within the support
+        full, thin = bool(True), bool(False)  # no particle of a free surface within the support, nor any other than those
         if wp.static(roomy and spec.free_surface):
             full = wholeness[i] >= real(WHOLE)
+            thin = not full
         room = state[i][1]  # sum of (1 - r^2/R^2)^2 V, its own place included
         k = list_begin(i, list_width)
         step = list_step(particle_count)
@@ -124,7 +125,8 @@ def make_delta_continuity(spec: Spec, flow_part: bool = True, slow_part: bool = 
                 inside = wp.max(real(1.0) - r2 * params.inv_window, real(0.0))
                 room += inside * inside * state_j[1]
                 if wp.static(spec.free_surface):
-                    full = full and (wholeness[j] >= real(WHOLE) or f == real(0.0))
+                    whole = wholeness[j] >= real(WHOLE)
+                    full, thin = full and (whole or f == real(0.0)), thin and (not whole or f == real(0.0))
             if wp.static(diffuses):
                 dp = state_j[0] - p_i
                 evening += f * (dp + real(0.5) * wp.dot(pressure_gradient[i] + pressure_gradient[j], d))
@@ -198,6 +200,10 @@ def make_delta_continuity(spec: Spec, flow_part: bool = True, slow_part: bool = 
             # with hardly a fluid neighbour a density below rest is memory, not tension, and would draw spray into walls
             if crowd * params.g_norm < real(sparse):
                 total = wp.max(total, -s_i / real(clock[STEP]))
+            if wp.static(roomy):
+                if thin and not beside:
+                    # what spray was pressed to is memory too: it would stay apart as a gas does
+                    total = wp.min(total, -s_i / real(clock[STEP]))
         density_rate[i] = total
 
     return delta_continuity

@@ -17,7 +17,7 @@ import warp as wp
 
 from warpsph.kernels.core.buffer_gradient import LEAST_EIGENVALUE
 from warpsph.kernels.core.clock import MAXIMA, SPEED, STEP
-from warpsph.kernels.core.eigenvalue import make_least_eigenvalue
+from warpsph.kernels.core.eigenvalue import WHOLE, make_least_eigenvalue
 from warpsph.kernels.core.fields import FLUID
 from warpsph.kernels.core.pair import WRAPPED, list_access, separation_of
 from warpsph.kernels.core.params import make_params, make_phase
@@ -30,7 +30,7 @@ from warpsph.kernels.core.viscosity import make_viscosity
 from .delta_contact import make_contact_of
 
 CROWDING = 0.2  # R of the shift, which keeps particles from pairing; its exponent is 4 (theory: delta#d3)
-ALONE, WHOLE = 0.4, 0.75  # least eigenvalues up to which a particle is not shifted, and only along the surface
+ALONE = 0.4  # least eigenvalue up to which a particle is not shifted; up to WHOLE it goes along the surface alone
 
 
 @functools.cache

@@ -141,6 +141,37 @@ def make_evenly(spec: Spec) -> Any:
 
 
 @functools.cache
+def make_remembered(spec: Spec) -> tuple[Any, Any]:
+    """Return the `wp.func`s (followed(i, room_part), remembered(s, crowd, i, thin)) of what velocities do not tell a density.
+
+    followed: rate [1/s] at which the density follows the room of the particles; remembered: the density excess without what
+    spray remembers. With hardly a fluid neighbour (`crowd`, d inside a fluid) a density below rest is memory, not tension,
+    and would draw spray into walls; what thin fluid away from walls was pressed to would keep it apart as it does a gas.
+    """
+    real = types_of(spec).real
+    spray, roomy = spec.free_surface and not spec.multiphase, spec.surface_room
+
+    @wp.func
+    def followed(i: int, room_part: wp.array(dtype=real)):
+        if wp.static(roomy):
+            return room_part[i]
+        return real(0.0)
+
+    @wp.func
+    def remembered(s: real, crowd: real, i: int, thin: wp.array(dtype=wp.int8)):
+        result = s
+        if wp.static(spray):
+            if crowd < real(wp.static(SPARSE * spec.dimension)):
+                result = wp.max(result, real(0.0))
+        if wp.static(roomy):
+            if thin[i] != wp.int8(0):
+                result = wp.min(result, real(0.0))
+        return result
+
+    return followed, remembered
+
+
+@functools.cache
 def make_continuity(spec: Spec) -> Any:
     """Return the continuity sweep of a `Spec`: reads the old state, writes density excess and new state."""
     real, vec, mat, pair = types_of(spec)
@@ -155,7 +186,8 @@ def make_continuity(spec: Spec) -> Any:
     periodic, jumps = any(spec.periodic), spec.tension == "pressure_jump" and not spec.triple
     spray, sided = spec.free_surface and not spec.multiphase, spec.multiphase and not spec.paper_star
     (_, stress_jump), linear = make_interface_stress(spec.dimension, spec.precision), spec.bodies and spec.corrected
-    rate_at_bodies, sparse, uneven = make_body_flow(spec), SPARSE * spec.dimension, make_disorder_friction(spec)
+    (followed, remembered), uneven = make_remembered(spec), make_disorder_friction(spec)
+    rate_at_bodies = make_body_flow(spec)
 
     @wp.kernel(**pair_sweep(spec))
     def continuity(
@@ -192,6 +224,8 @@ def make_continuity(spec: Spec) -> Any:
         flow_gradient: wp.array(dtype=mat),
         disorder_speed: wp.array(dtype=real),
         disorder_force: wp.array(dtype=vec),
+        room_part: wp.array(dtype=real),
+        thin: wp.array(dtype=wp.int8),
     ):
         i = wp.tid() + first
         if wp.static(spec.open_axis >= 0):
@@ -328,11 +362,8 @@ def make_continuity(spec: Spec) -> Any:
         if wp.static(damps):
             damped = damping((real(1.0) + s) * params.g_norm * rate, params, own)
         rate += blur
-        s += real(clock[STEP]) * (real(1.0) + s) * params.g_norm * rate
-        if wp.static(spray):
-            # with hardly a fluid neighbour a density below rest is memory, not tension, and would draw spray into walls
-            if crowd * params.g_norm < real(sparse):
-                s = wp.max(s, real(0.0))
+        s += real(clock[STEP]) * (real(1.0) + s) * (params.g_norm * rate + followed(i, room_part))
+        s = remembered(s, crowd * params.g_norm, i, thin)
         density_excess[i] = s
         if wp.static(spec.disorder):
             disorder_force[i] = disordered * (params.g_norm * state_old[i][1] / rest_volume[i])

@@ -52,6 +52,10 @@ def _viscous_jump(spec: Spec) -> bool:
     return spec.viscous_jump
 
 
+def _surface_room(spec: Spec) -> bool:
+    return spec.surface_room
+
+
 RIEMANN_FIELDS: tuple[Field, ...] = (
     *COMMON,
     *FLOW,
@@ -69,6 +73,9 @@ RIEMANN_FIELDS: tuple[Field, ...] = (
     Field("flow_gradient", "mat", "fluid", True, _disorder, "1/s", "grad v of the own phase, of the last momentum sweep"),
     Field("disorder_speed", "real", "fluid", True, _disorder, "m/s", "b of the friction of disorder, -1 without a gradient"),
     Field("disorder_force", "vec", "fluid", False, _disorder, "m/s^2", "friction of disorder, for the momentum sweep"),
+    Field("wholeness", "real", "fluid", False, _surface_room, "-", "least eigenvalue of the moment of the neighbourhood"),
+    Field("room_part", "real", "fluid", True, _surface_room, "1/s", "rate at which the density follows the room"),
+    Field("thin", "int8", "fluid", True, _surface_room, "-", "1 in fluid thinner than the kernel reaches, away from walls"),
     Field("fraction", "real", "fluid", False, _interface, "-", "share of the own phase around a particle"),
     Field("contact_cosine", "real", "fluid", False, _contact, "-", "of the contact angle of its own phase"),
     Field("normal", "vec", "fluid", True, _interface, "1/m", "gradient of the own phase's share"),

@@ -496,7 +496,6 @@ def test_an_interface_to_compare_with(output):
             "surface_tension",
         ),
         ({"numerics": {"volume_constraint": True}}, "numerics.volume_constraint", "closed or periodic"),
-        ({"numerics": {"room_rate": 1}}, "numerics.room_rate", "closed or periodic"),
         (IN_3D | {"gravity": [0, 0]}, "gravity", "needs 3 numbers"),
         (
             IN_3D

@@ -36,6 +36,7 @@ class Clock:
             values[getattr(ck, name)] = value
         self.values = values
         self.counters = np.zeros(ck.COUNTERS_SIZE, dtype=np.int32)
+        self.counters[ck.RARE_STEPS] = ck.RARE_INTERVAL
         self.counters[ck.STEP_LIMIT] = 10**9
         self.counters[ck.FAULT_PARTICLE] = ck.NO_PARTICLE
 

@@ -117,11 +117,11 @@ def test_a_misspelt_key_is_corrected_in_the_scheme_at_hand():
 
 def test_faults_of_other_sections_are_told_with_those_of_the_scheme():
     """The check of a scheme runs on what can be read of a faulty case, properties of a case included."""
-    scene = {**TANK, "end_time": -1, "numerics": {"room_rate": 1, "courant": 9}}
+    scene = {**TANK, "end_time": -1, "numerics": {"volume_constraint": True, "courant": 9}}
     scene["domain"] = {"lower": [0, 0], "upper": [1, 1]}
     with pytest.raises(CaseError) as caught:
         Case.from_dict(scene)
-    assert {problem.path for problem in caught.value.problems} == {"end_time", "numerics.courant", "numerics.room_rate"}
+    assert {problem.path for problem in caught.value.problems} == {"end_time", "numerics.courant", "numerics.volume_constraint"}
 
 
 def test_a_scheme_of_a_program_works_at_once(toy):

@@ -316,6 +316,7 @@ class Model:
         clock[ck.MOMENTUM : ck.MOMENTUM + d] = self._mean_velocity()
         counters = np.zeros(ck.COUNTERS_SIZE, dtype=np.int32)
         counters[ck.FAULT_PARTICLE] = ck.NO_PARTICLE
+        counters[ck.RARE_STEPS] = ck.RARE_INTERVAL
         counters[ck.LIVE] = geometry.fluid_count
         counters[ck.NEXT_ID] = geometry.count
         self.scheme.set_clock(clock, counters, physics)

@@ -71,8 +71,9 @@ class RiemannNumerics(NumericsBase):
     )
     room_rate: Annotated[float | Auto, NumberRule(least=0, most=10, auto=True)] = Field(
         default="auto",
-        description="rate, over |grad v|, at which the density of a filled domain follows the room that the particles take; "
-        "0 also leaves the divergence of the continuity equation uncorrected. auto: 2 with corrected and shifting, else 0",
+        description="rate, over |grad v| (the shear rate where there is a free surface), at which the density follows the "
+        "room that the particles take; 0 also leaves the divergence of filled domains uncorrected, and their pressure to "
+        "thin fluid. auto: 2 with corrected and shifting, 0.25 with a free surface (paper: 0), else 0",
         examples=["2"],
     )
     disorder_friction: Annotated[float | Auto, NumberRule(least=0, most=20, auto=True)] = Field(

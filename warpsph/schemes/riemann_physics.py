@@ -55,6 +55,7 @@ LEAST_STIFFER = 10.0
 SHIFTING = 16.0
 # Rate, over |grad v|, at which the density follows the room that the particles take: 1 to 3 differ little.
 ROOM_RATE = 2.0
+SURFACE_ROOM_RATE = 0.25  # the same over the shear rate, where the fluid has a free surface: more makes noise
 # Displacement that breaks the symmetry of a lattice, in particle spacings: for the corrected gradient a perfect lattice
 # that is sheared is a balance on a knife's edge, which ends in voids.
 UNLOCK = 0.05
@@ -132,10 +133,11 @@ def derive(case: Case, geometry: Geometry, row_list: bool = True) -> Physics:
         "the corrected gradient leaves the mean pressure free" if corrected and closed else "not needed",
     )
     held = corrected and filled and float(shifting) > 0
+    followed = held or not (filled or paper)
     room = choose(
         "room_rate",
-        ROOM_RATE if held else 0.0,
-        "density must not drift away from the room that the particles take" if held else "not needed",
+        ROOM_RATE if held else SURFACE_ROOM_RATE if followed else 0.0,
+        "density must not drift away from the room that the particles take" if followed else "not needed",
     )
     locked = corrected and geometry.arrangement == "lattice"
     choose(
@@ -224,6 +226,7 @@ def derive(case: Case, geometry: Geometry, row_list: bool = True) -> Physics:
         shifting=float(shifting) > 0,
         volume_constraint=bool(constraint),
         room=held and float(room) > 0,
+        surface_room=not filled and not paper and float(room) > 0,
         momentum_axes=momentum_axes(case) if corrected and not sticky and not angles else (),
         interface_force=float(zeta) > 0 and len(phases) > 1,
         dissipation=float(dissipation) > 0,

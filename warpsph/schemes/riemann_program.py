@@ -26,6 +26,7 @@ from warpsph.kernels.riemann.printed_load import make_printed_load
 from warpsph.kernels.riemann.printed_sweeps import make_printed_continuity, make_printed_momentum
 from warpsph.kernels.riemann.printed_tension import make_printed_colour, make_printed_curvature, make_printed_normal
 from warpsph.kernels.riemann.relaxation import make_relaxation
+from warpsph.kernels.riemann.surface_room import make_surface_room, make_thin
 from warpsph.kernels.riemann.three_phases import (
     make_phase_curvatures,
     make_phase_evened,
@@ -61,7 +62,7 @@ def step(spec: Spec) -> list[Node]:
     """Return the nodes of one time step, in order."""
     if spec.printed:
         return printed_step(spec)
-    rare = [*constraints(spec), *curvature(spec)]
+    rare = [*constraints(spec), *curvature(spec), *surface_room(spec)]
     return [
         *signals(spec),
         *moving_sides(spec),
@@ -119,6 +120,16 @@ def constraints(spec: Spec) -> list[Stage]:
     return stages
 
 
+def surface_room(spec: Spec) -> list[Stage]:
+    """Return the stages by which density follows the room of the particles where the fluid has a free surface."""
+    if not spec.surface_room:
+        return []
+    return [
+        Stage("surface_room", make_surface_room(spec), "fluid", "a free surface: density follows the room of the particles"),
+        Stage("thin", make_thin(spec), "fluid", "a free surface: thin fluid has no pressure"),
+    ]
+
+
 def start(spec: Spec) -> list[Node]:
     """Return the nodes that complete a start: state from density, list, then the acceleration."""
     return [
@@ -132,6 +143,7 @@ def start(spec: Spec) -> list[Node]:
         *sides(spec),
         *walls(spec, across=spec.wall_sound),
         *curvature(spec),
+        *surface_room(spec),
         *buffer_gradient(spec, spec.bodies and spec.corrected),
         Stage("momentum", momentum(spec), "fluid", "first acceleration"),
         *viscous_stages(spec),
@@ -268,6 +280,8 @@ def absent(spec: Spec) -> list[Absent]:
         rows.append(Absent("turn_windows, carry_origins, follow_shift", "output.lyapunov is not asked for"))
     if not spec.room:
         rows.append(Absent("room", "a free surface, or numerics has no corrected gradient, no shifting or no room_rate"))
+    if not spec.surface_room:
+        rows.append(Absent("surface_room, thin", "no free surface, or numerics.room_rate is 0"))
     if not spec.momentum_constraint:
         why = "no periodic axis along which nothing pushes, or a gradient that conserves momentum pair by pair"
         rows.append(Absent("drift", why))

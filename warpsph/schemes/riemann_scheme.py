@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 SHIFT_CAP = 0.01  # longest shift of a step as share of h
 RARE_WAY = 0.05  # way of the fastest particle, as share of h, after which the rare stages run again
+ROOM_WAY = 1.0  # the same where under a free surface the room of the particles alone is looked at
 
 
 class RiemannScheme(FlowThrough):
@@ -37,11 +38,7 @@ class RiemannScheme(FlowThrough):
     work = LOAD_ARRAYS | {"velocity_old"}
 
     def check(self, case: Any) -> Iterator[Problem]:
-        """Yield what needs a closed or periodic domain and has none."""
-        rate = case.numerics.room_rate
-        if rate != "auto" and rate > 0 and case.has_open_sides:
-            rule = "needs a closed or periodic domain: at a free surface the window of a particle is cut"
-            yield Problem("numerics.room_rate", rate, rule, "write auto or 0")
+        """Yield what the numbers of the scheme contradict each other or the domain in."""
         damping = case.numerics.acoustic_damping
         if damping != "auto" and damping > 0 and len(case.phases) > 1:
             rule = "is for one fluid: at an interface the two sides would be compressed by different pressures"
@@ -102,7 +99,7 @@ class RiemannScheme(FlowThrough):
         from warpsph.kernels.core.smoothing import lattice_slope, window_integral
 
         choices = physics.choices
-        if physics.spec.room:
+        if physics.spec.room or physics.spec.surface_room:
             params.room = float(choices["room_rate"])
             params.window_norm = 1.0 / window_integral(case.dimension, physics.support, 4)
         params.dissipation = float(choices["velocity_dissipation"])
@@ -126,4 +123,9 @@ class RiemannScheme(FlowThrough):
         if physics.spec.printed:
             clock[ck.FORCE] = math.inf  # the printed limits know no acceleration
         clock[ck.RARE_LIMIT] = RARE_WAY * physics.h
+        spec = physics.spec
+        if spec.surface_room and not (spec.volume_constraint or spec.momentum_constraint or spec.interface):
+            # what is left follows how neighbours change, whichever step that takes
+            clock[ck.RARE_LIMIT] = ROOM_WAY * physics.h
+            counters[ck.RARE_STEPS] = 2**31 - 1  # as many as it takes
         clock[ck.RARE_CAP] = physics.step_cap.get("surface tension", math.inf)
