@@ -87,3 +87,28 @@ def test_a_gauge_is_refused_by_the_check_or_measures(scheme, phases, holds):
     run = Simulation({**plain, "gauges": taken}).run()
     for kind in taken:
         assert len(run.gauge(kind)["time"]) > 0, kind
+
+
+BLOCK, PLATE = ({"lower": [0.375, 0.375], "upper": [right, 0.625]} for right in (0.625, 0.5))
+
+
+@pytest.mark.parametrize(
+    ("holds", "box", "numerics", "rule", "remedy"),
+    [
+        ("body in a stream", BLOCK, {}, "between inlets and outlets", "delta_plus"),
+        ("body", BLOCK, {"pressure_gradient": "conservative"}, "pressure_gradient: conservative", "corrected"),
+        ("body", PLATE, {}, "thinner than four spacings", "lower particle_spacing"),
+    ],
+)
+def test_what_keeps_isph_from_measuring_forces_is_said(holds, box, numerics, rule, remedy):
+    """The three causes had one message, of bodies that "are no cells"."""
+    plain = scene("isph", "a", holds)
+    plain["bodies"] = {"block": {"shape": {"box": box}}}
+    plain["numerics"] |= numerics
+    plain["gauges"] = {"drag": {"type": "force_coefficients", **EVERY, **WITH_KEYS["force_coefficients"]}}
+    with pytest.raises(CaseError) as raised:
+        estimate(plain)
+    (problem,) = raised.value.problems
+    assert problem.path == "gauges.drag.type"
+    assert rule in problem.rule
+    assert remedy in problem.remedy
