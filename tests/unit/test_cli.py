@@ -36,13 +36,15 @@ class FakeSimulation:
     """Records how it was made; `failure` is raised by run."""
 
     made: list = []
-    warnings = ["phases.water.sound_speed: too low"]
+    known = ["phases.water.sound_speed: too low"]
+    late: list[str] = []
     failure: BaseException | None = None
 
     def __init__(self, case, *, output, preparing, **choices):
         preparing(0)
         self.case, self.output, self.choices = case, output, choices
         self.summary = SUMMARY
+        self.warnings = list(self.known)
         FakeSimulation.made.append(self)
 
     def run(self, progress):
@@ -62,6 +64,7 @@ class FakeSimulation:
                     seconds_left=left,
                 )
             )
+        self.warnings += self.late
         if self.failure is not None:
             raise self.failure
 
@@ -163,6 +166,18 @@ def test_run_prints_progress_and_the_comparison(command, case, simulation):
     assert rows["late"] == ["late", "2", "%", "not", "reached"]
     assert rows["momentum"] == ["momentum", "3.000", "75.0"]
     assert "2 704 particles, 1 200 steps, 1 min 15 s, cpu float32, runs/drop" in out
+
+
+@pytest.mark.parametrize("failure", [None, DivergenceError("burst", particle=1, time=0.1, quantity="velocity")])
+def test_run_prints_what_it_warns_of_at_its_end(command, case, simulation, monkeypatch, failure):
+    """Leaks, spilled particles and solves above their tolerance were in the log alone; each once, failed or not."""
+    monkeypatch.setattr(simulation, "late", ["particles beyond a wall: water 3", *simulation.known])
+    monkeypatch.setattr(simulation, "failure", failure)
+    code, out, err = command("run", case)
+    assert code == (0 if failure is None else 3)
+    assert err.count("warning: particles beyond a wall: water 3\n") == 1
+    assert err.count("warning: phases.water.sound_speed: too low\n") == 1
+    assert "warning" not in out
 
 
 def test_progress_on_a_terminal_draws_a_bar(monkeypatch, capsys):

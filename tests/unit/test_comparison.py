@@ -12,7 +12,7 @@ from warpsph.files.output import RunFolder
 from warpsph.measure.gauges import GaugeSet
 from warpsph.snapshot import FLUID, WALL, Snapshot
 from warpsph.study.comparison import compare, format_comparison
-from warpsph.study.norms import extreme, particle_norm, period
+from warpsph.study.norms import NotComparable, extreme, particle_norm, period
 from warpsph.study.results import pick_column
 
 GAUGES = {
@@ -872,3 +872,13 @@ def test_period_is_the_time_between_upward_crossings():
     times = np.linspace(0.0, 10.0, 401)
     values = 3.0 + np.exp(-0.05 * times) * np.cos(2.0 * np.pi * times / 2.5)
     assert period(times, values) == pytest.approx(2.5, rel=5e-3)
+
+
+def test_what_a_window_lacks_for_a_period_is_said():
+    """How often the column crosses its mean, and what to do; numbers that are none were said to be too few periods."""
+    times = np.linspace(0.0, 3.0, 61)
+    values = np.cos(2.0 * np.pi * times / 2.5)
+    with pytest.raises(NotComparable, match=r"upwards 1 times from 0 to 3 s.*two crossings.*longer window"):
+        period(times, values)
+    with pytest.raises(NotComparable, match="not a finite number"):
+        period(times, np.where(times > 1.0, np.nan, values))

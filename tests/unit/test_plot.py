@@ -448,3 +448,23 @@ def test_segments_can_be_drawn_on_any_axes():
     line = plot.draw_segments(panel, np.array([[[0.0, 0.0], [5.0, 5.0]]]), colour="red")
     assert line in panel.lines and line.get_color() == "red"
     assert panel.get_xlim() == panel.get_ylim() == (0, 1)  # limits are not the segments' business
+
+
+@pytest.mark.parametrize("count", [1, 3, 6])
+@pytest.mark.parametrize("aspect", [0.5, 1.2, 3.0])
+@pytest.mark.parametrize("width", [1.0, 0.01, 0.0004])
+def test_labels_of_ticks_stand_apart(count, aspect, width):
+    """In scenes of millimetres "0.0000", "0.0025" and "0.0050" were written over each other."""
+    figure, axes = plot._panels(count, aspect)
+    view = plot.view_of(np.zeros(3), np.array([width, aspect * width, 0.0]), width / 50, None)
+    for panel in axes:
+        plot.set_axes(panel, view)
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()
+    for panel in axes:
+        labels = [text for text in panel.get_xticklabels() if text.get_text()]
+        inside = [box for box in (text.get_window_extent() for text in labels) if box.width > 0]
+        low, high = panel.get_window_extent().intervalx
+        inside = [box for box in inside if low - 1 <= 0.5 * (box.x0 + box.x1) <= high + 1]
+        assert len(inside) >= 2
+        assert all(left.x1 < right.x0 for left, right in zip(inside, inside[1:], strict=False))

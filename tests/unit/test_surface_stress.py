@@ -188,7 +188,7 @@ def test_bodies_of_whole_cells_in_several_fluids_have_no_surface():
     two = {"w": {"density": 1.0}, "o": {"density": 0.9}}
     fluids = [{"phase": "w", "shape": {"box": {"lower": [0, 0], "upper": [3, 0.5]}}}, {"phase": "o", "shape": "rest"}]
     block = {"bodies": {"a": {"shape": {"box": {"lower": [1, 0.3], "upper": [1.5, 0.8]}}}}}
-    with pytest.raises(CaseError, match=r"gauges\.s\.type.*no cells"):
+    with pytest.raises(CaseError, match=r"gauges\.s\.type.*wall of whole cells"):
         Model(case_of({}, ("a",), phases=two, fluids=fluids, **block), threads=1)
 
 

@@ -56,7 +56,7 @@ class Side(CaseModel):
             if value not in _SIDE_WORDS:
                 raise bad_value(
                     f"needs one of {', '.join(_SIDE_WORDS)} or a mapping with the key wall, inlet or outlet",
-                    suggestion(value, _SIDE_WORDS),
+                    _meant(value, _SIDE_WORDS),
                 )
             return cls._of(value)
         if not isinstance(value, Mapping | Side):
@@ -109,6 +109,13 @@ class Side(CaseModel):
 _FLOWS = {"inlet", "outlet"}
 _SIDE_WORDS = ("open", "wall", "free_slip")
 _AXIS_WORDS = ("periodic", "wall", "open", "free_slip")
+_NO_SLIP_WORDS = ("no_slip", "noslip", "non_slip")
+
+
+def _meant(word: str, words: tuple[str, ...]) -> str:
+    """Remedy for an unknown word of a side: no-slip is what `wall` means, though its name is like that of `free_slip`."""
+    folded = word.strip().lower().replace("-", "_").replace(" ", "_")
+    return "write wall, which is a no-slip wall" if folded in _NO_SLIP_WORDS else suggestion(word, words)
 
 
 class AxisBoundary(CaseModel):
@@ -126,7 +133,7 @@ class AxisBoundary(CaseModel):
             if value not in _AXIS_WORDS:
                 raise bad_value(
                     f"needs one of {', '.join(_AXIS_WORDS)} or a mapping with lower and upper",
-                    suggestion(value, _AXIS_WORDS),
+                    _meant(value, _AXIS_WORDS),
                 )
             side = Side._of(value)
             return cls.model_construct(lower=side, upper=side)

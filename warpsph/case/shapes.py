@@ -32,12 +32,22 @@ from warpsph.case.values import (
     suggestion,
 )
 
+TURNED = ("angle", "rotation", "rotate", "orientation", "axes")
+"""Keys by which other programs turn a box."""
+
 
 class Box(CaseModel):
     """Axis-parallel box."""
 
     lower: Vector = Field(description="lower corner, m", examples=["[0, 0]"])
     upper: Vector = Field(description="upper corner, m", examples=["[1, 1]"])
+
+    @classmethod
+    def foreign_key(cls, key: str, raw: Any) -> tuple[str, str] | None:
+        """Rule and remedy for an angle, which a box does not have."""
+        if key not in TURNED:
+            return None
+        return "is not a known key: a box lies along the axes", "write a polygon (2-D) or where instead of a turned box"
 
 
 class Sphere(CaseModel):
@@ -114,6 +124,22 @@ class Stl(CaseModel):
 
 SHAPES = ("box", "sphere", "polygon", "where")
 BODY_SHAPES = (*SHAPES, "airfoil", "stl")
+_DISC = "in 2-D write sphere: {center: [x, y], radius: r}, a disc"
+_ROUND = {
+    **dict.fromkeys(("circle", "disc", "disk"), _DISC),
+    **dict.fromkeys(
+        ("cylinder", "tube", "pipe"), f'{_DISC}; in 3-D e.g. where: {{condition: "hypot(x, y) < 0.1 and abs(z) < 0.5"}}'
+    ),
+    "ball": "write sphere: {center: [x, y, z], radius: r}",
+    **dict.fromkeys(("ellipse", "ellipsoid"), 'write e.g. where: {condition: "hypot(x/0.2, y/0.1) < 1"}'),
+}
+_STRAIGHT = {
+    **dict.fromkeys(("rectangle", "square", "cube", "cuboid", "block"), "write box: {lower: [x, y], upper: [x, y]}"),
+    **dict.fromkeys(("triangle", "wedge"), "write polygon: {points: [[x, y], ...]} (2-D), or where with a condition"),
+    **dict.fromkeys(("plane", "halfspace", "half_space"), 'write e.g. where: {condition: "y < 0.5"}'),
+}
+_KNOWN_ELSEWHERE = {**_ROUND, **_STRAIGHT}
+"""Names of shapes in other programs, and how to write them here."""
 
 
 class Shape(CaseModel):
@@ -143,7 +169,7 @@ class Shape(CaseModel):
         options = f"needs exactly one of {', '.join(cls.kinds)} with its numbers, or the word rest"
         if isinstance(value, str):
             if value != "rest":
-                remedy = (
+                remedy = _KNOWN_ELSEWHERE.get(value.lower()) or (
                     f"write {{{value}: {{...}}}}" if value in cls.kinds else suggestion(value, [*cls.kinds, "rest"])
                 )
                 raise bad_value(options, remedy)
@@ -151,6 +177,9 @@ class Shape(CaseModel):
         if not isinstance(value, Mapping):
             raise bad_value(options)
         known = [key for key in value if key in cls.kinds]
+        elsewhere = [_KNOWN_ELSEWHERE[str(key).lower()] for key in value if str(key).lower() in _KNOWN_ELSEWHERE]
+        if elsewhere and not known:
+            raise bad_value(options, elsewhere[0])
         if "rest" in value:
             raise bad_value(options, "write shape: rest")
         if len(known) > 1 or (

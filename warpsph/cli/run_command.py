@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import Annotated, Any
@@ -21,7 +20,7 @@ from warpsph.cli.arguments import (
 )
 from warpsph.cli.options import CaseFile, Debug, EndTime, Overrides, PrecisionOption
 from warpsph.cli.progress import progress_display
-from warpsph.cli.reporting import quieten_warp, reported
+from warpsph.cli.reporting import quieten_warp, reported, say
 from warpsph.cli.tables import duration, format_cell, print_table
 from warpsph.cli.views import print_estimate, print_plan
 
@@ -83,15 +82,26 @@ def run(
             with progress_display(transient=True) as display:
                 simulation = Simulation(loaded, output=folder, preparing=display.preparing, **chosen)
             print(f"{case} -> {folder}", flush=True)
-            for line in simulation.warnings:
-                print(f"warning: {line}", file=sys.stderr, flush=True)
-            with progress_display() as show_progress:
-                simulation.run(progress=show_progress)
+            told: set[str] = set()
+            _print_warnings(simulation.warnings, told)
+            try:
+                with progress_display() as show_progress:
+                    simulation.run(progress=show_progress)
+            finally:  # also of what a run warned before it failed, and once the bar is no longer drawn
+                _print_warnings(simulation.warnings, told)
         except BaseException:
             with suppress(OSError):  # only removes a folder into which nothing was written
                 folder.rmdir()
             raise
         _print_summary(simulation.summary, folder)
+
+
+def _print_warnings(warnings: Iterable[str], told: set[str]) -> None:
+    """Print the warnings that are not among those told, and add them."""
+    for line in warnings:
+        if line not in told:
+            told.add(line)
+            say(f"warning: {line}")
 
 
 def _print_summary(summary: Mapping[str, Any], folder: Path) -> None:

@@ -117,14 +117,19 @@ def estimate(case: CaseLike) -> dict[str, Any]:
         "host_bytes": host,
         "dt": dt,
         "steps": steps,
-        "seconds": steps * guessed_step(geometry.count, neighbours, [name for _, name, _ in lines(program.step)]),
+        "seconds": steps * guessed_step(
+            geometry.count, neighbours * case.scheme.pair_cost(spec), [name for _, name, _ in lines(program.step)]
+        ),
         "sound_across": lowest_sound_across(case, physics),
         "warnings": warnings,
     }
 
 
 def guessed_step(particles: int, neighbours: float, stages: list[str]) -> float:
-    """Return the seconds to expect of a step of so many particles, walls included, on one thread."""
+    """Return the seconds to expect of a step of so many particles, walls included, on one thread.
+
+    neighbours: of a particle; those of a scheme whose pairs take longer count for more
+    """
     pace = GUESSED_RATE * 1e6 * GUESSED_NEIGHBOURS / neighbours
     return particles / pace + GUESSED_STAGE * sum(SOLVE_STAGES if name == "solve" else 1 for name in stages)
 

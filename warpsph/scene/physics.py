@@ -128,7 +128,10 @@ def derive(case: Case, geometry: Geometry, row_list: bool = True) -> Physics:
 
 def _check_surface_gauges(case: Case, physics: Physics) -> None:
     """Refuse gauges along the surface of bodies that are walls of cells. Raises CaseError."""
-    rule = "needs bodies that are no cells: in several fluids and between inlets, bodies of whole cells at rest are"
+    rule = (
+        "needs a body with a surface of its own: one at rest whose faces lie between particles is a wall of whole cells in "
+        "several fluids and between inlets"
+    )
     remedy = "move the body by a tenth of a spacing, or use a gauge of type wall_force"
     problems = [
         Problem(f"gauges.{name}.type", gauge.type, rule, remedy)

@@ -155,6 +155,10 @@ class Scheme:
         """Return what is wrong with the particle in a row that stopped the run, if the scheme knows more than its speed."""
         return None
 
+    def pair_cost(self, spec: Spec) -> float:
+        """Return how long a pair of particles takes over one of the Riemann scheme, for the estimate of `check`."""
+        return 1.0
+
     def memory_beside(self, spec: Spec, fluid: int, entries: int) -> int:
         """Return the bytes on the device beside fields and list, of so many particles with so many list entries each."""
         return 0

@@ -120,6 +120,19 @@ def _slides(case: Case) -> bool:
     return any(end.kind == "wall" and end.wall == "free_slip" for axis in case.sides for end in (axis.lower, axis.upper))
 
 
+def _no_loads(case: Case, gradient: str) -> tuple[str, str]:
+    """Return rule and remedy for gauges of forces on bodies that mirror the fluid cell by cell, and so bear no load."""
+    other = "write numerics: {scheme: riemann} or {scheme: delta_plus}, or delete the gauge"
+    if case.has_flow_through:
+        rule = "cannot be measured between inlets and outlets with scheme: isph, where bodies are mirrors that bear no load"
+        return rule, f"{other}; with periodic sides and a body_force isph measures it"
+    if gradient != "corrected":
+        rule = f"cannot be measured with scheme: isph and pressure_gradient: {gradient}"
+        return rule, f"write numerics.pressure_gradient: corrected, or {other.removeprefix('write ')}"
+    rule = "cannot be measured on bodies thinner than four spacings with scheme: isph, which are mirrors that bear no load"
+    return rule, f"lower particle_spacing until the thinnest body has four, or {other.removeprefix('write ')}"
+
+
 def _check_open(case: Case, geometry: Geometry, filled: bool, gradient: str) -> None:
     """Refuse what inlets and outlets do not go with. Raises CaseError.
 
@@ -212,8 +225,7 @@ def derive(case: Case, geometry: Geometry, row_list: bool) -> Physics:
     fitted = geometry.surface is not None and gradient == "corrected" and geometry.stout
     bodies = fitted or bool(geometry.cut) or bool(forcing.tracks)
     if not bodies:
-        rule = "needs bodies that are no cells, as thin ones, those beside inlets and the other gradient are"
-        remedy = "write numerics: {scheme: riemann}, or delete the gauge"
+        rule, remedy = _no_loads(case, str(gradient))
         problems = [
             Problem(f"gauges.{name}.type", gauge.type, rule, remedy)
             for name, gauge in case.gauges.items() if gauge.type in LOAD_GAUGES and case.bodies

@@ -150,8 +150,6 @@ def _draw_particles(
         plot.set_axes(panel, view)
         panel.set_title(f"t = {cut.time:.4g} s", fontsize="medium")
         panel.label_outer()
-    axes[0].locator_params(nbins=5)
-    axes[0].ticklabel_format(scilimits=(-2, 4))
     scale.bar(figure, axes, view, case.phase_names)
 
 

@@ -64,12 +64,17 @@ def noise(times: np.ndarray, values: np.ndarray, span: float) -> float:
 def period(times: np.ndarray, values: np.ndarray) -> float:
     """Mean time [s] between upward crossings of the mean value, each interpolated between two rows.
 
-    Raises NotComparable for fewer than two crossings.
+    Raises NotComparable for fewer than two crossings, or values that are not finite.
     """
+    if not np.isfinite(values).all():
+        raise NotComparable("not a finite number in the window")
     level = values - values.mean()
     up = np.flatnonzero((level[:-1] < 0) & (level[1:] >= 0))
     if len(up) < 2:
-        raise NotComparable("fewer than two periods in the window")
+        raise NotComparable(
+            f"no period: the column crosses its mean upwards {len(up)} times from {times[0]:g} to {times[-1]:g} s, a period "
+            "needs two crossings; take a longer window, or a later end_time"
+        )
     crossings = times[up] - level[up] * (times[up + 1] - times[up]) / (level[up + 1] - level[up])
     return float(np.mean(np.diff(crossings)))
 

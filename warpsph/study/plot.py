@@ -360,6 +360,13 @@ def set_axes(panel: "Axes", view: View) -> None:
     panel.set(xlim=(left, right), ylim=(bottom, top), aspect="equal")
     panel.set_xlabel(f"{_AXES[view.axes[0]]} [m]")
     panel.set_ylabel(f"{_AXES[view.axes[1]]} [m]")
+    space_ticks(panel)
+
+
+def space_ticks(panel: "Axes") -> None:
+    """Keep the labels of ticks apart: few along x, and lengths of millimetres with one power of ten for all."""
+    panel.locator_params(axis="x", nbins=5)
+    panel.ticklabel_format(scilimits=(-2, 4))
 
 
 def _draw_particles(
@@ -393,6 +400,7 @@ def _draw_profiles(frames: list[Frame], view: View, field: str) -> "Figure":
         panel.set(xlim=(view.lower[0], view.upper[0]), ylim=(low - margin, high + margin))
         panel.set_xlabel("x [m]")
         panel.set_ylabel(_label(field, flat=False))
+        space_ticks(panel)
         panel.set_title(f"t = {frame.time:.4g} s")
     return figure
 
@@ -574,6 +582,7 @@ def _draw_gauges(paths: list[Path]) -> "Figure | None":
             drawn.plot(x[::every], y[::every], label=label, linewidth=1.2, marker="." if len(x) < 3 else None, **style)
         drawn.set(title=panel.title, xlabel=panel.x_label, ylabel=panel.y_label)
         drawn.grid(alpha=0.3)
+        space_ticks(drawn)
         if len(panel.curves) <= _MOST_CURVES:
             drawn.legend(fontsize="small")
         else:  # a legend this long would hide the curves
