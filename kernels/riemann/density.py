@@ -142,7 +142,7 @@ def make_evenly(spec: Spec) -> Any:
 
 @functools.cache
 def make_remembered(spec: Spec) -> tuple[Any, Any]:
-    """Return the `wp.func`s (followed(i, room_part), remembered(s, crowd, i, thin)) of what velocities do not tell a density.
+    """Return the `wp.func`s (followed(i, room_part), remembered(s, crowd, i, thin)) of what no velocity tells.
 
     followed: rate [1/s] at which the density follows the room of the particles; remembered: the density excess without what
     spray remembers. With hardly a fluid neighbour (`crowd`, d inside a fluid) a density below rest is memory, not tension,

@@ -121,7 +121,8 @@ def test_faults_of_other_sections_are_told_with_those_of_the_scheme():
     scene["domain"] = {"lower": [0, 0], "upper": [1, 1]}
     with pytest.raises(CaseError) as caught:
         Case.from_dict(scene)
-    assert {problem.path for problem in caught.value.problems} == {"end_time", "numerics.courant", "numerics.volume_constraint"}
+    wrong = {"end_time", "numerics.courant", "numerics.volume_constraint"}
+    assert {problem.path for problem in caught.value.problems} == wrong
 
 
 def test_a_scheme_of_a_program_works_at_once(toy):
