@@ -31,6 +31,7 @@ from warpsph.scene.equal_masses import equal_masses
 from warpsph.scene.fluid_regions import EntryAt, chosen_arrangement, fluid_regions, loose_gas, off_lattice
 from warpsph.scene.lattice import Lattice, make_lattice
 from warpsph.scene.narrow import narrow_places
+from warpsph.scene.rounded_volume import rounded_volumes
 from warpsph.scene.slivers import find_slivers
 from warpsph.scene.start_fluid import fluid_particles, start_density, start_pressure, start_velocity
 from warpsph.scene.wall_cells import Surroundings, WallCells
@@ -196,6 +197,9 @@ def build(case: Case, support: float, unlock: float = 0.0, arrange: Arrange | No
         volume[:fluids] *= packed[1]
     if crowded is not None:
         volume[:fluids] *= crowded
+    if arrangement == "lattice":
+        of_region = np.bincount(region[fluid.cells], weights=volume[:fluids], minlength=len(case.fluids))
+        warnings += rounded_volumes(case, regions, np.asarray(of_region, np.float64))
     surface = walls.surface() if case.bodies else None
     if surface is not None:
         volume[fluids:] = surface.volume
