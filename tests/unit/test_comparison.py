@@ -199,9 +199,9 @@ def test_extremes_lie_between_the_rows(run, reduce, formula, value, unit):
 def test_a_symmetric_peak_is_found_where_it_is():
     """The cubic's first coefficient is rounding alone there, of which the root must not be lost."""
     t = np.linspace(0.05, 0.15, 11)
-    assert extreme(t, np.sin(5 * np.pi * t), True) == pytest.approx((0.1, 1.0), rel=2e-3)
+    assert extreme(t, np.sin(5 * np.pi * t), True)[:2] == pytest.approx((0.1, 1.0), rel=2e-3)
     assert extreme(t, np.full(11, 3.0), True)[1] == pytest.approx(3.0)
-    assert extreme(t, 2 * t, False) == pytest.approx((0.05, 0.1))
+    assert extreme(t, 2 * t, False) == pytest.approx((0.05, 0.1, 11))
 
 
 def test_extremes_are_not_taken_from_the_noise(run):
@@ -213,6 +213,26 @@ def test_extremes_are_not_taken_from_the_noise(run):
     assert abs(one(make_case({"a": {**entry, "reduce": "peak"}}), run)["error"]) < 0.003
     few = make_case({"a": {**entry, "reduce": "peak", "window": [0.5, 0.52]}})
     assert "eight rows" in one(few, run)["note"]
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.02])
+def test_a_peak_of_a_whole_run_is_that_of_the_rows_around_it(run, noise):
+    """A bump a tenth as long as the run: a cubic through all rows is far lower, and the largest row has its noise."""
+    t = np.linspace(0, 10, 501)
+    v = np.exp(-(((t - 3.21) / 0.5) ** 2)) + 0.3 * np.exp(-((t - 7) ** 2))
+    v += noise * np.random.default_rng(1).normal(size=501)
+    at, value, rows = extreme(t, v, True)
+    assert value == pytest.approx(1.0, abs=0.02) and at == pytest.approx(3.21, abs=0.03) and 8 < rows < 60
+    assert extreme(t, -v, False) == pytest.approx((at, -value, rows))
+    write_gauge(run, "energy", "time [s],kinetic [J/m]\n" + "".join(f"{a},{b}\n" for a, b in zip(t, v, strict=True)))
+    entry = {"gauge": "energy", "column": "kinetic", "reduce": "peak", "value": 1.0}
+    result = one(make_case({"a": entry}), run)
+    assert result["value"] == pytest.approx(value) and f"by the {rows} rows around it" in result["note"]
+
+
+def test_a_peak_at_the_end_of_a_run_has_the_rows_before_it():
+    t = np.linspace(0, 10, 501)
+    assert extreme(t, np.exp(2 * (t - 10)), True)[:2] == pytest.approx((10, 1), rel=0.04)
 
 
 def test_arithmetic_of_columns_whose_names_have_several_words():

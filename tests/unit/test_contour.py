@@ -262,3 +262,30 @@ def test_what_fits_already_and_what_is_far_away_is_left():
     open_line = circle()[:10]
     assert len(join_ends(open_line)) == 10
     assert len(join_ends(open_line[:1])) == 1
+
+
+@pytest.mark.parametrize("jitter", [0.0, 0.1])
+@pytest.mark.parametrize("depth", [3, 20])
+def test_the_amount_has_no_part_in_bodies(jitter, depth):
+    """A disc between two fluids, with so many layers of particles, which may leave its middle empty."""
+    spacing = 1 / 80
+    position, phase = box_with_walls(spacing, jitter)
+    body = (phase == 0) & (from_centre(position) < 0.2)
+    phase[(phase == 0) & (position[:, 1] < 0.5)] = 1
+    phase[body] = -1
+    kept = ~body | (from_centre(position) > 0.2 - depth * spacing)
+    taken = [(phase == k).sum() * spacing**2 for k in (0, 1)]
+    volume = np.full(kept.sum(), spacing**2)
+    shares = shares_of_phases(position[kept], volume, phase[kept], 2, (0, 0), (1, 1), CLOSED, spacing)
+    assert [share.amount for share in shares] == pytest.approx(taken, rel=2e-3)
+
+
+def test_a_plate_whose_sides_overlap_takes_its_room_once():
+    """As thin bodies have particles for each side: here twice the area of a plate of three rows."""
+    spacing = 1 / 40
+    position, phase = box_with_walls(spacing)
+    plate = (phase == 0) & (np.abs(position - (0.5, 0.4125)) < (0.3, 1.5 * spacing)).all(axis=1)
+    phase[plate] = -1
+    volume = np.where(plate, 2.0, 1.0) * spacing**2
+    (share,) = shares_of_phases(position, volume, phase, 1, (0, 0), (1, 1), CLOSED, spacing)
+    assert share.amount == pytest.approx((phase == 0).sum() * spacing**2, rel=4e-3)

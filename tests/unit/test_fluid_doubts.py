@@ -10,7 +10,7 @@ from tests.scenes import case_of
 from warpsph import Simulation
 from warpsph.running.preview import describe, estimate
 from warpsph.running.tension_doubts import contradicting_angles, missing_pairs
-from warpsph.scene.narrow import _pieces
+from warpsph.scene.narrow import pieces
 
 # Oil, water and a lighter oil in layers of 5, 5 and 6 rows between walls; the kernel reaches 3 spacings.
 TENSIONS = {"ab": 1.0, "bc": 0.8, "ca": 0.6}
@@ -174,8 +174,8 @@ def test_full_domains_have_no_gap():
 def test_pieces_go_on_across_periodic_sides():
     mask = np.zeros((6, 5), np.bool_)
     mask[0, 1] = mask[5, 1] = mask[3, 3] = True
-    assert len(np.unique(_pieces(mask, (False, False)))) == 4
-    piece = _pieces(mask, (True, False))
+    assert len(np.unique(pieces(mask, (False, False)))) == 4
+    piece = pieces(mask, (True, False))
     assert piece[0, 1] == piece[5, 1] != piece[3, 3] and piece[2, 0] == 0
 
 

@@ -67,7 +67,8 @@ class ReferenceValue(_Reference):
         default="mean",
         description="how the column becomes one number. farthest: the value farthest from the reference; change: the "
         "largest relative change since the first row; peak, trough and their times: of the cubic through the rows of the "
-        "window; noise: root mean square of the deviations from a parabola through the rows within half a span of each; "
+        "window, or those around the largest or lowest one where no cubic follows all; "
+        "noise: root mean square of the deviations from a parabola through the rows within half a span of each; "
         "slope: of a line gauge, at its last time; frequency, amplitude: of the wave with two overtones that fits the rows "
         "of the window best, 1/s and half of the way from its lowest to its highest point; strouhal: that frequency times "
         "length over speed, those of a gauge of type force_coefficients",

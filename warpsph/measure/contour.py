@@ -15,7 +15,9 @@ rows of a lattice leave 0.5 % of the length of the line, an evened-out arrangeme
 - where fluid and walls fill less than 0.85 of the kernel, at a free surface, what is missing counts as another phase.
 
 Walls are their particles. Of schemes whose walls at sides of the domain are mirrors there are none: cells of a lattice
-stand in for them (`cells_behind_mirrors`), so that a line ends at a wall with every scheme.
+stand in for them (`cells_behind_mirrors`), so that a line ends at a wall with every scheme. The shares go on into walls. Of
+the area of a phase the part in bodies is taken off: the share of their particles in the sum over fluid and bodies, whose
+integral is the area of the bodies whatever their shape.
 """
 
 from __future__ import annotations
@@ -46,16 +48,19 @@ class Share:
 
     values: (nx + 1, ny + 1), between 0 and 1
     x, y: (nx + 1,) and (ny + 1,) coordinates of the nodes, m; the first and last lie on the sides of the domain
+    room: (nx + 1, ny + 1), part of the surroundings of each node that bodies leave to fluid; None: all of it
     """
 
     values: np.ndarray
     x: np.ndarray
     y: np.ndarray
+    room: np.ndarray | None = None
 
     @property
     def amount(self) -> float:
-        """The area that the phase takes, m^2: the integral of c."""
-        return float(_trapezoid(self.x) @ self.values @ _trapezoid(self.y))
+        """The area that the phase takes, m^2: the integral of c over what bodies leave, in which c goes on."""
+        values = self.values if self.room is None else self.values * self.room
+        return float(_trapezoid(self.x) @ values @ _trapezoid(self.y))
 
 
 def _trapezoid(nodes: np.ndarray) -> np.ndarray:
@@ -93,14 +98,15 @@ def shares_of_phases(
     # Of a periodic axis the last node is the first one again; it is added in the end.
     size = np.where(wraps, cells, cells + 1)
     nodes = [low[k] + step[k] * np.arange(size[k]) for k in (0, 1)]
-    values, wanted, near = _far_field(x, volume, phase, count, low, extent, wraps, support, nodes)
+    values, mixed, wanted, near = _far_field(x, volume, phase, count, low, extent, wraps, support, nodes)
 
     # Sums for the wanted nodes alone, numbered in their order; one more entry takes what falls elsewhere.
     places = int(np.count_nonzero(wanted))
     number = np.full(wanted.shape, places)
     number[wanted] = np.arange(places)
     x, volume, phase = x[near], volume[near], phase[near]
-    rows = [phase == k for k in range(-1, count)]
+    in_body = (phase < 0) & ((x >= low) & (x <= low + extent)).all(axis=1)
+    rows = [(phase < 0) & ~in_body, in_body, *(phase == k for k in range(count))]
     sums = np.zeros((len(rows), places + 1))
     first = np.ceil((x - support - low) / step).astype(np.int64)
     reach = np.floor(2.0 * support / step).astype(np.int64) + 1
@@ -121,17 +127,31 @@ def shares_of_phases(
             if mine.any():
                 row += np.bincount(at[mine].ravel(), weight[mine].ravel(), minlength=places + 1)
     sums *= 7.0 / (math.pi * support**2)
-    fluid = sums[1:].sum(axis=0)
-    void = 1.0 - fluid - sums[0]
+    fluid = sums[2:].sum(axis=0)
+    void = 1.0 - fluid - sums[0] - sums[1]
     total = fluid + np.clip(2.0 * (void - _GAP), 0.0, np.maximum(void, 0.0))
     axes = [low[k] + step[k] * np.arange(cells[k] + 1) for k in (0, 1)]
-    result = []
-    for own, value in zip(sums[1:], values, strict=True):
-        value[wanted] = np.divide(own, total, out=np.zeros_like(own), where=total > 0.0)[:places]
+
+    def closed(value: np.ndarray) -> np.ndarray:
         for k in np.flatnonzero(wraps):
             value = np.concatenate([value, value.take([0], axis=k)], axis=k)
-        result.append(Share(value, axes[0], axes[1]))
+        return value
+
+    room = np.ones(wanted.shape)
+    # The particles of the two sides of a thin tail overlap: bodies take no more than fluid and sides leave.
+    bodies = np.minimum(sums[1], np.maximum(1.0 - fluid - sums[0], 0.0))
+    room[wanted] = _ratio(fluid, fluid + bodies)[:places]
+    room = closed(room)
+    result = []
+    for own, value in zip(sums[2:], values, strict=True):
+        value[mixed] = _ratio(own, total)[number[mixed]]
+        result.append(Share(closed(value), axes[0], axes[1], room))
     return result
+
+
+def _ratio(part: np.ndarray, whole: np.ndarray) -> np.ndarray:
+    """Part over whole, 0 where there is nothing."""
+    return np.divide(part, whole, out=np.zeros_like(part), where=whole > 0.0)
 
 
 def cells_behind_mirrors(case: Any) -> tuple[np.ndarray, float]:
@@ -165,11 +185,11 @@ def _far_field(
     wraps: np.ndarray,
     support: float,
     nodes: list[np.ndarray],
-) -> tuple[list[np.ndarray], np.ndarray, np.ndarray]:
+) -> tuple[list[np.ndarray], np.ndarray, np.ndarray, np.ndarray]:
     """Where the shares are 0 or 1 at a glance, since only one phase is within reach: most of the scene.
 
-    Returns the values of all nodes for each phase, the mask of the nodes that need the sums, and the mask of the
-    particles that these sums need.
+    Returns the values of all nodes for each phase, the masks of the nodes whose shares need the sums and of those that need
+    any, as what bodies leave does beside them, and the mask of the particles that these sums need.
     """
     count = np.maximum((extent / support).astype(np.int64), 1)
     size = extent / count
@@ -194,8 +214,10 @@ def _far_field(
     reached = [around(amount(inside) < 0.6 * size.prod())]
     reached += [around(amount(phase == k) > 0.0) for k in range(phases)]
     mixed = np.sum(reached, axis=0) > 1
+    wanted = mixed | around(amount(inside & (phase < 0)) > 0.0)
     node_bins = np.ix_(bins_of(nodes[0], 0), bins_of(nodes[1], 1))
-    return [each[node_bins].astype(np.float64) for each in reached[1:]], mixed[node_bins], around(mixed)[at[0], at[1]]
+    values = [each[node_bins].astype(np.float64) for each in reached[1:]]
+    return values, mixed[node_bins], wanted[node_bins], around(wanted)[at[0], at[1]]
 
 
 # ------------------------------------------------------------------------------------------------------------

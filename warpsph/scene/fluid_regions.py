@@ -171,6 +171,16 @@ class EntryAt:
             entry[near] = np.where(body.inside(points[near]), VOID, entry[near])
         return entry
 
+    def in_bodies(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Which of the points (n, d) are in a body."""
+        found = np.zeros(len(points), dtype=np.bool_)
+        for body in self.bodies:
+            near = np.all((points >= body.bounds[0]) & (points <= body.bounds[1]), axis=1)
+            if body.hollow:
+                found |= ~near
+            found[near] |= body.inside(points[near])
+        return found
+
 
 def chosen_arrangement(case: Case, regions: Regions, off_lattice_bodies: Sequence[str] = ()) -> tuple[str, str]:
     """What `start.arrangement` comes to, and why.

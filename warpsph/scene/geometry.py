@@ -7,7 +7,8 @@ pass over this lattice decides what every cell holds:
    smoothing kernel reaches, corners included;
 2. bodies: their surfaces are sampled whatever the lattice is, and
    cells nearer to one than half a spacing hold no fluid;
-3. fluids: each remaining cell of the domain gets the phase of the region that contains it, or stays empty.
+3. fluids: each remaining cell of the domain gets the phase of the region that contains it, or stays empty; what rounding
+   leaves empty beside bodies and walls gets the fluid beside it.
 
 Where an interface between two phases runs through lattice cells, the start is a *fitted* one (`start.arrangement`): it
 has the particles of the lattice, but whoever wants it gives `build` a function that arranges them along the interface
@@ -30,6 +31,8 @@ from warpsph.scene.equal_masses import equal_masses
 from warpsph.scene.fluid_regions import EntryAt, chosen_arrangement, fluid_regions, loose_gas, off_lattice
 from warpsph.scene.lattice import Lattice, make_lattice
 from warpsph.scene.narrow import narrow_places
+from warpsph.scene.rounded_volume import rounded_volumes
+from warpsph.scene.slivers import find_slivers
 from warpsph.scene.start_fluid import fluid_particles, start_density, start_pressure, start_velocity
 from warpsph.scene.wall_cells import Surroundings, WallCells
 
@@ -142,16 +145,19 @@ def build(case: Case, support: float, unlock: float = 0.0, arrange: Arrange | No
     if problems:
         raise CaseError(problems)
 
+    surfaces = [solid.surface for solid in walls.solids]
+    entry_at = EntryAt(case, surfaces)
+    slivers = find_slivers(case, lattice, region, covered, support, entry_at)
+    warnings += slivers.lines(lattice)
+    region = slivers.region
     phase_index = {name: k for k, name in enumerate(case.phase_names)}
     # The entry appended at the end is what region -1, an empty cell, finds.
     phase_of_region = np.array([*(phase_index[fluid.phase] for fluid in case.fluids), -1], dtype=np.int32)
     problems += loose_gas(case, lattice, phase_of_region[region], covered, support)
     warnings += narrow_places(case, lattice, region, phase_of_region, covered, support)
-    surfaces = [solid.surface for solid in walls.solids]
     boundary = np.concatenate([solid.filling for solid in walls.solids]) if walls.solids else None
-    regions = Regions(
-        lattice, case.periodic, region, phase_of_region, EntryAt(case, surfaces), covered, boundary
-    )  # fmt: skip
+    entries = slivers.filled(entry_at, lattice)
+    regions = Regions(lattice, case.periodic, region, phase_of_region, entries, covered, boundary)
     cut = [name for name, solid in zip(case.bodies, walls.solids, strict=True) if not solid.on_lattice(case.spacing)]
     arrangement, reason = chosen_arrangement(case, regions, cut)
     if arrangement == "lattice":
@@ -191,6 +197,9 @@ def build(case: Case, support: float, unlock: float = 0.0, arrange: Arrange | No
         volume[:fluids] *= packed[1]
     if crowded is not None:
         volume[:fluids] *= crowded
+    if arrangement == "lattice":
+        of_region = np.bincount(region[fluid.cells], weights=volume[:fluids], minlength=len(case.fluids))
+        warnings += rounded_volumes(case, regions, np.asarray(of_region, np.float64))
     surface = walls.surface() if case.bodies else None
     if surface is not None:
         volume[fluids:] = surface.volume

@@ -65,10 +65,10 @@ def _gaps(case: Case, lattice: Lattice, region: NDArray[np.int32], empty: Mask, 
         between |= _between(region >= 0, empty, axis, rows - 1, case.periodic[axis])
     if not between.any():
         return
-    piece = _pieces(empty, case.periodic)
+    piece = pieces(empty, case.periodic)
     size, inside = np.bincount(piece.ravel()), np.bincount(piece[between], minlength=piece.max() + 1)
     gap = inside >= SHARE * size
-    gap[np.unique(piece[_roomy(empty, rows, case.periodic)])] = False
+    gap[np.unique(piece[roomy(empty, rows, case.periodic)])] = False
     gap[0] = False
     cells = gap[piece]
     if cells.any():
@@ -111,7 +111,7 @@ def _thin_layers(
             if entry in told:
                 continue
             told.add(entry)
-            most = next(n for n in range(rows - 1, 0, -1) if n == 1 or _roomy(cells, n, case.periodic).any())
+            most = next(n for n in range(rows - 1, 0, -1) if n == 1 or roomy(cells, n, case.periodic).any())
             yield (
                 f"fluids.{entry}.shape: {name} is nowhere more than {most} {'row' if most == 1 else 'rows'} of particles "
                 f"thick in the piece at {cell_text(lattice.axes(domain_only=True), first)} ({np.count_nonzero(cells)} "
@@ -131,7 +131,7 @@ def _low_drops(
     for k, name in enumerate(case.phase_names):
         if not any(name in pair for pair in pairs):
             continue
-        piece = _pieces(phase == k, case.periodic)
+        piece = pieces(phase == k, case.periodic)
         for number, box in enumerate(find_objects(piece), start=1):
             height = LOW if box is None else _height_on_wall(case, box, phase.shape)
             if not rows <= height < LOW:
@@ -168,9 +168,9 @@ def _height_on_wall(case: Case, box: tuple[slice, ...], shape: tuple[int, ...]) 
 def _thin_pieces(phase: NDArray[np.int32], k: int, rows: int, periodic: tuple[bool, ...]) -> Iterator[Mask]:
     """Yield the cells of each piece of phase k that is thin and has another phase beside it."""
     own = phase == k
-    piece = _pieces(own, periodic)
+    piece = pieces(own, periodic)
     thin = np.ones(piece.max() + 1, np.bool_)
-    thin[np.unique(piece[_roomy(own, rows, periodic)])] = False
+    thin[np.unique(piece[roomy(own, rows, periodic)])] = False
     thin[0] = False
     if not thin.any():
         return
@@ -195,7 +195,7 @@ def _beside(mask: Mask, periodic: tuple[bool, ...]) -> Mask:
 # pieces -----------------------------------------------------------------------------------------------------
 
 
-def _roomy(mask: Mask, rows: int, periodic: tuple[bool, ...]) -> Mask:
+def roomy(mask: Mask, rows: int, periodic: tuple[bool, ...]) -> Mask:
     """Return some cell of each cube of so many rows that lies in the mask as a whole."""
     from scipy.ndimage import minimum_filter
 
@@ -203,7 +203,7 @@ def _roomy(mask: Mask, rows: int, periodic: tuple[bool, ...]) -> Mask:
     return np.asarray(minimum_filter(mask.view(np.uint8), rows, mode=modes, cval=0)).view(np.bool_)
 
 
-def _pieces(mask: Mask, periodic: tuple[bool, ...]) -> NDArray[np.int32]:
+def pieces(mask: Mask, periodic: tuple[bool, ...]) -> NDArray[np.int32]:
     """Return the number of the piece that each cell belongs to, 0 outside of the mask; corners connect."""
     from scipy.ndimage import generate_binary_structure, label
     from scipy.sparse import coo_matrix

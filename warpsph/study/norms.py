@@ -13,6 +13,15 @@ import numpy as np
 POINTS_A_SPAN = 8
 """Rows that a parabola with something left over needs."""
 
+FEWEST = 8
+"""Rows that a cubic needs."""
+LEFT_OVER = 0.125
+"""Share of the standard deviation of the rows of a window that a cubic which follows them leaves over at most."""
+LEFT_OVER_NEAR = 0.05
+"""The same of rows that are chosen around the largest or lowest one, which need not be many."""
+NARROWER = 0.8
+"""Share of the rows that are looked at next where no cubic follows these."""
+
 
 class NotComparable(Exception):
     """Why an entry has no result; the text becomes its note."""
@@ -32,8 +41,9 @@ def reduced(reduce: str, times: np.ndarray, values: np.ndarray, unit: str) -> tu
     if reduce == "period":
         return period(times, values), "s", ""
     if reduce in ("peak", "peak_time", "trough", "trough_time"):
-        at, value = extreme(times, values, highest=reduce.startswith("peak"))
-        return (at, "s", f"{value:.6g} there") if reduce.endswith("_time") else (value, unit, f"at {at:.6g} s")
+        at, value, rows = extreme(times, values, highest=reduce.startswith("peak"))
+        near = "" if rows == len(times) else f", by the {rows} rows around it"
+        return (at, "s", f"{value:.6g} there{near}") if reduce.endswith("_time") else (value, unit, f"at {at:.6g} s{near}")
     return REDUCTIONS[reduce](values), unit, ""
 
 
@@ -79,16 +89,40 @@ def period(times: np.ndarray, values: np.ndarray) -> float:
     return float(np.mean(np.diff(crossings)))
 
 
-def extreme(times: np.ndarray, values: np.ndarray, highest: bool) -> tuple[float, float]:
-    """Time [s] and value of the highest or lowest point of the cubic that fits the rows best.
+def extreme(times: np.ndarray, values: np.ndarray, highest: bool) -> tuple[float, float, int]:
+    """Time [s] and value of the highest or lowest point of the cubic that fits rows best, and how many rows these are.
 
     A smooth curve is followed and noise is not: the largest of many noisy values is too large, and its time arbitrary.
-    Where the cubic has no such point between the first and the last row, the better end is taken.
+    Where the cubic has no such point between the first and the last row, the better end is taken. The rows are all of them,
+    or where no cubic follows these, as those of a whole run, the most around the largest or lowest one that a cubic follows.
 
     Raises NotComparable for fewer than eight rows, or values that are not finite.
     """
-    if len(times) < 8 or not np.isfinite(values).all():
+    if len(times) < FEWEST or not np.isfinite(values).all():
         raise NotComparable("a cubic needs eight rows with numbers in the window")
+    middle = int(np.argmax(values) if highest else np.argmin(values))
+    count, near = len(times), slice(None)
+    most = LEFT_OVER
+    while count > FEWEST and not _followed(times[near], values[near], most):
+        most = LEFT_OVER_NEAR
+        count = max(int(NARROWER * count), FEWEST)
+        first = min(max(middle - count // 2, 0), len(times) - count)
+        near = slice(first, first + count)
+    return *_turn(times[near], values[near], highest), count
+
+
+def _followed(times: np.ndarray, values: np.ndarray, most: float) -> bool:
+    """Return whether a cubic through rows leaves no more over than noise, or than `most` of their standard deviation.
+
+    Noise is what the fourth differences of the rows have, which see no cubic.
+    """
+    left = values - np.polynomial.Polynomial.fit(times, values, 3)(times)
+    noise_of_rows = math.sqrt(float(np.mean(np.diff(values, 4) ** 2)) / 70.0)
+    return float(np.sqrt(np.mean(left**2))) <= max(most * float(values.std()), 1.5 * noise_of_rows)
+
+
+def _turn(times: np.ndarray, values: np.ndarray, highest: bool) -> tuple[float, float]:
+    """Return time [s] and value of the highest or lowest point of the cubic through rows, between the first and the last."""
     cubic = np.polynomial.Polynomial.fit(times, values, 3)
     # Roots of the slope c + b x + a x^2 by the form that keeps its digits when a is rounding alone, as at a symmetric peak.
     c, b, a = np.append(cubic.deriv().coef, [0.0, 0.0])[:3]
