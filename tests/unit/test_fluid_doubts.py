@@ -255,3 +255,63 @@ def test_drops_that_an_angle_can_hold_are_fine():
 def test_a_layer_over_the_whole_floor_is_no_drop():
     case = drop_on_floor(5).replace({"fluids.0.shape": {"box": {"lower": [0, 0], "upper": [1, 5 / 40]}}})
     assert not told(case, "fluids.0.shape")
+
+
+# interfaces without an angle ---------------------------------------------------------------------------------
+
+BEAKER = {
+    "dimension": 2,
+    "particle_spacing": 0.05,
+    "end_time": 0.1,
+    "domain": {"lower": [0, 0], "upper": [1, 1], "boundary": {"x": "wall", "y": "wall"}},
+    "phases": {"water": {"density": 1000}, "air": {"density": 1}},
+    "surface_tension": [{"between": ["water", "air"], "coefficient": 0.07}],
+    "fluids": [
+        {"phase": "water", "shape": {"box": {"lower": [0, 0], "upper": [1, 0.5]}}},
+        {"phase": "air", "shape": "rest"},
+    ],
+    "output": {"particles": "none", "checkpoint": "none"},
+}
+NO_ANGLE = "surface_tension.0.contact_angle: water and air meet a wall at "
+
+
+def beaker(angle=None, coefficient=0.07, **changes):
+    entry = {"between": ["water", "air"], "coefficient": coefficient} | ({} if angle is None else {"contact_angle": angle})
+    return case_of(BEAKER, surface_tension=[entry], **changes)
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_an_interface_that_meets_a_wall_without_an_angle(dimension):
+    case = beaker()
+    if dimension == 3:
+        box = {"lower": [0, 0, 0], "upper": [1, 0.5, 1]}
+        domain = {"lower": [0, 0, 0], "upper": [1, 1, 1], "boundary": {"x": "wall", "y": "periodic", "z": "periodic"}}
+        fluids = [{"phase": "water", "shape": {"box": box}}, {"phase": "air", "shape": "rest"}]
+        case = beaker(dimension=3, particle_spacing=0.1, domain=domain, fluids=fluids)
+    (line,) = told(case, NO_ANGLE)
+    assert "write contact_angle: 90" in line and "three fluids" not in line
+
+
+@pytest.mark.parametrize(
+    "case",
+    [
+        beaker(angle=90),
+        beaker(coefficient=0),
+        beaker(domain={"lower": [0, 0], "upper": [1, 1], "boundary": {"x": "periodic", "y": "wall"}}),
+    ],
+    ids=["angle", "no tension", "no wall where they meet"],
+)
+def test_interfaces_that_need_no_angle(case):
+    assert not told(case, "surface_tension.0.contact_angle")
+
+
+def test_an_interface_that_meets_a_body_without_an_angle():
+    post = {"post": {"shape": {"box": {"lower": [0.4, 0.3], "upper": [0.6, 0.7]}}}}
+    domain = {"lower": [0, 0], "upper": [1, 1], "boundary": {"x": "periodic", "y": "wall"}}
+    assert len(told(beaker(domain=domain, bodies=post), NO_ANGLE)) == 1
+
+
+def test_three_fluids_are_told_what_an_angle_costs():
+    walls = {"lower": [0, 0], "upper": [1, 0.8], "boundary": {"x": "wall", "y": "wall"}}
+    (line,) = told(case_of(LAYERS, domain=walls), "surface_tension.0.contact_angle")
+    assert "three fluids meet are out of balance" in line

@@ -7,6 +7,8 @@ below a roof is none.
 
 A *thin layer* is a piece of connected cells of one phase, beside another phase, in which no such cube has room.
 
+An interface *without an angle* lies between two phases with a tension beside a wall or a body, where no pair has one.
+
 A *low drop* is a piece of one phase that lies against a side of the domain which it meets at a given angle, fewer rows high
 than the angle takes to act: it is drawn out to a film (docs/limits.md). What covers the side is a layer; a drop that lies
 across a periodic side counts as one too, and is not told.
@@ -21,6 +23,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from warpsph.case.domain import AXES
+from warpsph.scene.borders import spread
 from warpsph.scene.lattice import Lattice, cell_text
 
 if TYPE_CHECKING:
@@ -52,6 +55,7 @@ def narrow_places(
     if len(case.phases) > 1:
         lines += _thin_layers(case, lattice, region, phases[region], rows)
         lines += _low_drops(case, lattice, region, phases[region], rows)
+        lines += _without_angle(case, lattice, phases[region], solid)
     return lines
 
 
@@ -118,6 +122,25 @@ def _thin_layers(
                 f"particles), fewer than the {rows} that the smoothing kernel reaches, so that its two sides are not told "
                 f"apart; lower particle_spacing to {case.spacing * most / rows:.2g}, or make it thicker"
             )
+
+
+def _without_angle(case: Case, lattice: Lattice, phase: NDArray[np.int32], solid: Mask | None) -> Iterator[str]:
+    """Say where an interface with a tension first meets a wall at the start, where no pair has a contact angle."""
+    if any(pair.contact_angle is not None for pair in case.surface_tension):
+        return
+    beside = beside_solid(case, solid, phase.shape)
+    for number, pair in enumerate(case.surface_tension):
+        a, b = (beside & (phase == case.phase_names.index(name)) for name in pair.between)
+        met = a & spread(b, case.periodic, np.logical_or)
+        if pair.coefficient > 0 and met.any():
+            place = cell_text(lattice.axes(domain_only=True), np.argwhere(met)[0])
+            triple = "; points at which three fluids meet are out of balance then" if len(case.phases) > 2 else ""
+            yield (
+                f"surface_tension.{number}.contact_angle: {' and '.join(pair.between)} meet a wall at {place}, and no pair "
+                "has an angle: what the tension leaves there drives fluid along the wall, some ten times as fast as with 90 "
+                f"degrees; write contact_angle: 90 if nothing else is known{triple}"
+            )
+            return
 
 
 def _low_drops(
@@ -190,6 +213,16 @@ def _beside(mask: Mask, periodic: tuple[bool, ...]) -> Mask:
             result[0] |= cells[-1]
             result[-1] |= cells[0]
     return found
+
+
+def beside_solid(case: Case, solid: Mask | None, shape: tuple[int, ...]) -> Mask:
+    """Return the cells of a domain of that shape next to a body (solid: cells of bodies) or to a wall of the domain."""
+    beside = np.zeros(shape, np.bool_) if solid is None else spread(solid, case.periodic, np.logical_or)
+    for axis, sides in enumerate(case.sides):
+        for side, end in ((sides.lower, 0), (sides.upper, -1)):
+            if side.kind == "wall":
+                np.moveaxis(beside, axis, 0)[end] = True
+    return beside
 
 
 # pieces -----------------------------------------------------------------------------------------------------

@@ -18,9 +18,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from warpsph.scene.borders import VOID, spread
+from warpsph.scene.borders import VOID
 from warpsph.scene.lattice import Lattice, cell_text, points_of
-from warpsph.scene.narrow import pieces, roomy
+from warpsph.scene.narrow import beside_solid, pieces, roomy
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -110,7 +110,7 @@ def find_slivers(
         piece = pieces(empty, case.periodic)
         boxes, wide = find_objects(piece), _wide(piece, empty, case.periodic)
         rows = math.ceil(support / case.spacing - 1e-9)
-        for number in np.unique(piece[_beside_solid(case, solid, empty)]):
+        for number in np.unique(piece[beside_solid(case, solid, empty.shape) & empty]):
             if wide[number]:
                 continue
             box = boxes[number - 1]
@@ -126,16 +126,6 @@ def _wide(piece: NDArray[np.int32], empty: Mask, periodic: tuple[bool, ...]) -> 
     wide[np.unique(piece[roomy(empty, 3, periodic)])] = True
     wide[0] = True
     return wide
-
-
-def _beside_solid(case: Case, solid: Mask | None, empty: Mask) -> Mask:
-    """Return the empty cells next to a body or to a wall of the domain."""
-    beside = np.zeros_like(empty) if solid is None else spread(solid, case.periodic, np.logical_or)
-    for axis, sides in enumerate(case.sides):
-        for side, end in ((sides.lower, 0), (sides.upper, -1)):
-            if side.kind == "wall":
-                np.moveaxis(beside, axis, 0)[end] = True
-    return beside & empty
 
 
 def _is_short(own: NDArray[np.intp], rows: int, count: tuple[int, ...]) -> bool:
