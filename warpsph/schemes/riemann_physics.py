@@ -448,7 +448,7 @@ def friction_stages(case: Case, spec: Spec, limits: dict[str, float]) -> tuple[i
     """
     given = cast("RiemannNumerics", case.numerics).viscous_stages
     friction = limits.get("viscosity", math.inf)
-    longest = min(limit for name, limit in limits.items() if name != "viscosity")
+    longest, what = min((limit, name) for name, limit in limits.items() if name != "viscosity")
     if given != "auto":
         if int(given) > 1 and spec.bodies:
             rule = "needs walls that are sides of the domain or whole cells at rest: others answer friction with a fit"
@@ -458,7 +458,7 @@ def friction_stages(case: Case, spec: Spec, limits: dict[str, float]) -> tuple[i
         return 1, ""
     if spec.viscosity == "none" or spec.bodies or spec.open_axis >= 0:
         return 1, "no viscosity, or bodies, inlets or outlets"
-    return worth(longest / friction), f"explicit friction allows steps of {friction:.3g} s, all else of {longest:.3g} s"
+    return worth(longest / friction), f"explicit friction allows steps of {friction:.3g} s, {what} of {longest:.3g} s"
 
 
 def fitted_walls(case: Case, geometry: Geometry) -> bool:
