@@ -17,15 +17,13 @@ SMALLEST_MOMENT = 0.1  # determinant below which a neighbourhood is too thin to 
 def make_body_flow(spec: Spec) -> Any:
     """Return the `wp.func` of the rate of continuity that wall neighbours make; without bodies it is never called.
 
-    It returns (the rate, what pressure differences add to it, the sum of -F V r that this has).
-
     Their velocity is the mirrored one; for several fluids it is that of the one-sided Riemann problem of each, in which the
-    wall moves at u*. With the corrected gradient the rate also takes out what the arrangement of all
-    neighbours makes of a linear velocity without divergence. Arguments that are not those of the sweep: `dissipated` is
-    the star velocity for a pressure difference [m/(s Pa)], `weight` rho g [Pa/m], `flow` and `moment` the sums of
-    (v_j - v_i) (x) F V x_ij and -x_ij (x) F V x_ij over the fluid.
+    wall moves at u*. With the corrected gradient the rate also takes out what the arrangement of all neighbours makes of a
+    linear velocity without divergence. Pressure differences are those of the fluid alone: one with a wall would be
+    continued along the fit, and not evened (docs/records/walls.md#first-row). Arguments that are not those of the sweep:
+    `flow` and `moment`, the sums of (v_j - v_i) (x) F V x_ij and -x_ij (x) F V x_ij over the fluid.
     """
-    real, vec, mat, pair = types_of(spec)
+    real, vec, mat, _ = types_of(spec)
     Params = make_params(spec.dimension, spec.precision)
     _, slope = make_smoothing(spec.kernel, spec.precision)
     separation = separation_of(spec)
@@ -42,9 +40,6 @@ def make_body_flow(spec: Spec) -> Any:
         near: bool,
         xi: vec,
         vi: vec,
-        dissipated: real,
-        p_i: real,
-        weight: vec,
         flow: mat,
         moment: mat,
         params: Params,
@@ -53,10 +48,9 @@ def make_body_flow(spec: Spec) -> Any:
         boundary_volume: wp.array(dtype=real),
         velocity: wp.array(dtype=vec),
         mirror_velocity: wp.array(dtype=vec),
-        state: wp.array(dtype=pair),
     ):
         fluid_rows = particle_count - boundary_volume.shape[0]
-        rate, evening, stiffness = real(0.0), real(0.0), real(0.0)
+        rate = real(0.0)
         wall_flow = mat()
         wall_moment = mat()
         k = start
@@ -65,15 +59,11 @@ def make_body_flow(spec: Spec) -> Any:
             k += step
             w = j - fluid_rows
             d = separation(xi, position[j], wrapped, params)
-            r = wp.sqrt(wp.dot(d, d))
-            f = slope(r * params.inv_h) * boundary_volume[w]
+            f = slope(wp.length(d) * params.inv_h) * boundary_volume[w]
             mirrored = mirror_velocity[w]
             if wp.static(spec.multiphase):
                 mirrored = real(2.0) * velocity[j] - vi
             rate += f * wp.dot(vi - mirrored, d)
-            if wp.static(spec.dissipation and not spec.corrected and not spec.multiphase):
-                evening += f * (p_i - state[j][0] - wp.dot(weight, d)) * r * dissipated
-                stiffness -= f * r
             if wp.static(spec.corrected):
                 wall_flow += wp.outer(mirrored - vi, f * d)
                 wall_moment -= wp.outer(d, f * d)
@@ -83,6 +73,6 @@ def make_body_flow(spec: Spec) -> Any:
                 total = flow + wall_flow
                 if wp.determinant(m) > real(SMALLEST_MOMENT):
                     rate -= wp.trace(total * wp.inverse(m)) - wp.trace(total)
-        return rate, evening, stiffness
+        return rate
 
     return rate_at_bodies

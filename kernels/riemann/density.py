@@ -344,12 +344,9 @@ def make_continuity(spec: Spec) -> Any:
                 d = separation(xi, position[j], wrapped, params)
                 rate += real(2.0) * slope(wp.length(d) * params.inv_h) * params.wall_volume * wp.dot(vi - velocity[j], d)
         if wp.static(spec.bodies):
-            at_bodies, evened, stiffened = rate_at_bodies(
-                i, k, end, step, particle_count, wrapped, near, xi, vi, inv_z, p_i,
-                own.density * gravity_of(params, forcing, GRAVITY_NOW), flow, moment,
-                params, neighbours, position, boundary_volume, velocity, mirror_velocity, state)  # fmt: skip
-            rate += at_bodies
-            blur, stiffness = blur + evened, stiffness + stiffened
+            rate += rate_at_bodies(
+                i, k, end, step, particle_count, wrapped, near, xi, vi, flow, moment,
+                params, neighbours, position, boundary_volume, velocity, mirror_velocity)  # fmt: skip
         if wp.static(spray):
             blur *= evenly(stiffness, params)
         if wp.static(sided):
