@@ -1,4 +1,4 @@
-"""The first row of fluid before a wall of a body is no stiffer and no less damped than the fluid (theory: riemann#bodies)."""
+"""The first row of fluid before the wall of a body is evened as the fluid behind it is (theory: riemann#bodies)."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +22,7 @@ TANK = {
 
 
 def left_over(side: float) -> NDArray[np.float64]:
-    """How much of a pressure that one row alone has, at the distance `side` [m] from the plate, is left after steps 1 to 4."""
+    """How much is left, after steps 1 to 4, of a pressure that one row alone has, `side` metres from the plate."""
     case = warpsph.load_case(TANK)
     model = Model(case, threads=1)
     model.stepper.prepare(fresh=True)
@@ -46,8 +46,8 @@ def left_over(side: float) -> NDArray[np.float64]:
 def test_a_pressure_of_the_first_row_is_evened() -> None:
     """Beside a wall a row that differs from the next comes to their mean about as fast as inside the fluid.
 
-    With pressures of the wall that are continued from the row itself it does not: 0.50, -0.44 are left after steps 2, 3, where
-    0.05, -0.09 are inside.
+    With pressures of the wall that are continued from the row itself it does not: 0.50, -0.44 are left after steps 2, 3,
+    where 0.05, -0.09 are inside.
     """
     inside, beside = left_over(0.225), left_over(0.025)
     assert np.abs(beside[1:]).max() < np.abs(inside[1:]).max() + 0.1
