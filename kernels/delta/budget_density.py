@@ -16,7 +16,7 @@ from warpsph.kernels.core.params import make_params, make_phase
 from warpsph.kernels.core.smoothing import make_smoothing
 from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, types_of
 
-from .delta_continuity import SMALLEST_MOMENT
+from .delta_continuity import SMALLEST_MOMENT, continues_flow
 from .delta_momentum import make_driving_force
 
 
@@ -34,7 +34,7 @@ def make_budget_density(spec: Spec) -> Any:
     list_begin, list_step, neighbour, Listed = list_access(spec)
     eos = make_eos(spec.precision)
     driving_force = make_driving_force(spec)
-    carries = spec.shift_form == "consistent"
+    carries, continued = spec.shift_form == "consistent", continues_flow(spec)
 
     @wp.kernel(module="unique", enable_backward=False, module_options=SWEEP_OPTIONS)
     def budget_density(
@@ -119,7 +119,9 @@ def make_budget_density(spec: Spec) -> Any:
                 if wp.static(spec.bodies):
                     w = j - fluid_count
                     fd = (f * boundary_volume[w]) * d
-                    dv = vi - mirror_velocity[w]
+                    dv = vi - velocity[j]
+                    if wp.static(continued):
+                        dv = vi - mirror_velocity[w]
                     at_walls += wp.dot(dv, fd)
                     if wp.static(spec.exact_divergence):
                         flow -= wp.outer(dv, fd)

@@ -5,7 +5,9 @@
 
 D compares pressures and not densities: the same where pressure is proportional to s, and zero for a linear pressure with any
 equation of state. G is the corrected pressure gradient of the last momentum sweep. Positions are those in the middle of
-the step. Walls take part in the first sum alone: what their pressure misses would be a source of volume beside them.
+the step. Walls take part in the first sum alone: what their pressure misses would be a source of volume beside them. Under a
+free surface they have their own velocity there: the rate is that of a sum over places, which returns the work that it takes.
+Divergences that are exact for linear velocities need walls that continue the flow (theory: delta#d6).
 
 In a domain that is full the divergence is exact for linear velocities, tr(sum_j (v_j - v_i) (x) grad_i W V_j M_i^-1): what a
 strained arrangement makes of a divergence has one sign, and would raise the pressure of the whole domain. In any other the
@@ -31,6 +33,11 @@ SMALLEST_MOMENT = 0.1  # determinant below which a neighbourhood is too thin to 
 SPARSE = 0.4  # of the dimension, which -sum F V r^2 is inside a fluid: fewer neighbours than a particle on a surface has
 
 
+def continues_flow(spec: Spec) -> bool:
+    """Bodies have the velocity of the flow that is continued into them in the continuity sweep, and not their own."""
+    return spec.exact_divergence or not spec.free_surface
+
+
 @functools.cache
 def make_delta_continuity(spec: Spec, flow_part: bool = True, slow_part: bool = True) -> Any:
     """Return the sweep that writes the rate of the density excess, and the change of velocity that belongs to the shift.
@@ -48,6 +55,7 @@ def make_delta_continuity(spec: Spec, flow_part: bool = True, slow_part: bool = 
     carries = spec.shift_form == "consistent" and slow_part
     diffuses = spec.density_diffusion and slow_part
     exact, roomy = spec.exact_divergence and flow_part, spec.room and flow_part
+    continued = continues_flow(spec)
     sparse = SPARSE * spec.dimension
 
     @wp.kernel(module="unique", enable_backward=False, module_options=SWEEP_OPTIONS)
@@ -154,7 +162,9 @@ def make_delta_continuity(spec: Spec, flow_part: bool = True, slow_part: bool = 
                 if wp.static(spec.bodies):
                     w = j - fluid_count
                     fd = (f * boundary_volume[w]) * d
-                    dv = vi - mirror_velocity[w]
+                    dv = vi - velocity[j]
+                    if wp.static(continued):
+                        dv = vi - mirror_velocity[w]
                     rate += wp.dot(dv, fd)
                     if wp.static(exact):
                         flow -= wp.outer(dv, fd)
