@@ -35,7 +35,8 @@ def test_water_at_rest_around_a_turned_square_comes_to_rest() -> None:
 
 def turned(spacing: float) -> tuple[float, float]:
     """Kinetic energy and angular momentum of the ring after half a turn, over those at the start, less 1."""
-    case = warpsph.load_case(SHIPPED, [f"particle_spacing={spacing}", "end_time=0.5", "output.particles=none", "reference={}"])
+    changes = [f"particle_spacing={spacing}", "end_time=0.5", "output.particles=none", "reference={}"]
+    case = warpsph.load_case(SHIPPED, changes)
     simulation = warpsph.Simulation(case, threads=1)
     simulation.run()
     energy, turning = simulation.gauge("energy")["kinetic"], simulation.gauge("momentum")["angular_z"]
