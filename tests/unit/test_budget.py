@@ -77,7 +77,7 @@ def test_the_budget_closes(case):
 
 
 def test_nothing_is_left_beside_bodies():
-    """Before water splashes, `spray`, what the parts leave of the rate, is next to nothing: walls have the sweep's velocities."""
+    """Before water splashes `spray`, what the parts leave of the rate, is next to nothing: walls are those of the sweep."""
     found = run_of({**DAM, "bodies": HILL, "end_time": 0.2}).gauge("budget")
     assert np.abs(found["work spray"]).max() < 1e-3 * np.abs(found["work wall_pressure"]).max()
 
