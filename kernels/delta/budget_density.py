@@ -16,7 +16,7 @@ from warpsph.kernels.core.params import make_params, make_phase
 from warpsph.kernels.core.smoothing import make_smoothing
 from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, types_of
 
-from .delta_continuity import SMALLEST_MOMENT
+from .delta_continuity import SMALLEST_MOMENT, continues_flow
 from .delta_momentum import make_driving_force
 
 
@@ -34,7 +34,7 @@ def make_budget_density(spec: Spec) -> Any:
     list_begin, list_step, neighbour, Listed = list_access(spec)
     eos = make_eos(spec.precision)
     driving_force = make_driving_force(spec)
-    carries = spec.shift_form == "consistent"
+    carries, continued = spec.shift_form == "consistent", continues_flow(spec)
 
     @wp.kernel(module="unique", enable_backward=False, module_options=SWEEP_OPTIONS)
     def budget_density(
@@ -57,6 +57,8 @@ def make_budget_density(spec: Spec) -> Any:
         state: wp.array(dtype=pair),
         rest_volume: wp.array(dtype=real),
         boundary_volume: wp.array(dtype=real),
+        mirror_velocity: wp.array(dtype=vec),
+        slip: wp.array(dtype=wp.uint8),
         pressure_gradient: wp.array(dtype=vec),
         shift: wp.array(dtype=vec),
         density_excess: wp.array(dtype=real),
@@ -88,7 +90,7 @@ def make_budget_density(spec: Spec) -> Any:
         moved = real(0.0)
         flow = mat()
         moment = mat()
-        beside = bool(False)  # a wall is within the support
+        correctable = bool(True)
         k = list_begin(i, list_width)
         step = list_step(particle_count)
         end = k + int(fluid_neighbours[i]) * step
@@ -115,15 +117,27 @@ def make_budget_density(spec: Spec) -> Any:
                 k += step
                 d = separation(xi, position[j], wrapped, params)
                 f = slope(wp.length(d) * params.inv_h)
-                beside = beside or f < real(0.0)
                 if wp.static(spec.bodies):
-                    at_walls += f * boundary_volume[j - fluid_count] * wp.dot(vi - velocity[j], d)
+                    w = j - fluid_count
+                    fd = (f * boundary_volume[w]) * d
+                    dv = vi - velocity[j]
+                    follows = bool(False)
+                    if wp.static(continued):
+                        follows = slip[w] == wp.uint8(0)
+                        if follows:
+                            dv = vi - mirror_velocity[w]
+                    correctable = correctable and (follows or f == real(0.0))
+                    at_walls += wp.dot(dv, fd)
+                    if wp.static(spec.exact_divergence):
+                        flow -= wp.outer(dv, fd)
+                        moment -= wp.outer(d, fd)
                 else:
+                    correctable = False
                     at_walls += real(2.0) * f * params.wall_volume * wp.dot(vi - velocity[j], d)
         correction = real(0.0)
         if wp.static(spec.exact_divergence):
             m = moment * params.g_norm
-            if not beside and wp.determinant(m) > real(SMALLEST_MOMENT):
+            if correctable and wp.determinant(m) > real(SMALLEST_MOMENT):
                 correction = wp.trace(flow) - wp.trace(flow * wp.inverse(m))
         dt = real(clock[STEP])
         stretch = (real(1.0) + s_i) * params.g_norm

@@ -5,11 +5,12 @@
 
 D compares pressures and not densities: the same where pressure is proportional to s, and zero for a linear pressure with any
 equation of state. G is the corrected pressure gradient of the last momentum sweep. Positions are those in the middle of
-the step. Walls take part in the first sum alone: what their pressure misses would be a source of volume beside them. They
-have their own velocity: the rate is that of a sum over places, which returns the work that it takes (theory: delta#d6).
+the step. Walls take part in the first sum alone: what their pressure misses would be a source of volume beside them. Bodies
+that the fluid slides along have their own velocity there, under a free surface all bodies: the rate is that of a sum over
+places, which returns the work that it takes. In a full domain those that it sticks to continue the flow (theory: delta#d6).
 
 In a domain that is full the divergence is exact for linear velocities, tr(sum_j (v_j - v_i) (x) grad_i W V_j M_i^-1), but
-beside walls, along which velocities jump: what a strained arrangement makes of a divergence has one sign, and would raise
+beside walls along which the velocity jumps: what a strained arrangement makes of a divergence has one sign, and would raise
 the pressure of the whole domain. In any other, and between inlets and outlets, the density follows the room of the
 particles, away from free surfaces, as fast as the fluid is strained (theory: delta#d8).
 Where no whole particle is in reach the fluid is thinner than the kernel: it has no pressure (theory: delta#thin).
@@ -33,6 +34,11 @@ SMALLEST_MOMENT = 0.1  # determinant below which a neighbourhood is too thin to 
 SPARSE = 0.4  # of the dimension, which -sum F V r^2 is inside a fluid: fewer neighbours than a particle on a surface has
 
 
+def continues_flow(spec: Spec) -> bool:
+    """In the continuity sweep bodies that the fluid sticks to have the velocity of the flow that is continued into them."""
+    return spec.wall_no_slip and (spec.exact_divergence or not spec.free_surface)
+
+
 @functools.cache
 def make_delta_continuity(spec: Spec, flow_part: bool = True, slow_part: bool = True) -> Any:
     """Return the sweep that writes the rate of the density excess, and the change of velocity that belongs to the shift.
@@ -50,6 +56,7 @@ def make_delta_continuity(spec: Spec, flow_part: bool = True, slow_part: bool = 
     carries = spec.shift_form == "consistent" and slow_part
     diffuses = spec.density_diffusion and slow_part
     exact, roomy = spec.exact_divergence and flow_part, spec.room and flow_part
+    continued = continues_flow(spec)
     sparse = SPARSE * spec.dimension
 
     @wp.kernel(module="unique", enable_backward=False, module_options=SWEEP_OPTIONS)
@@ -71,6 +78,8 @@ def make_delta_continuity(spec: Spec, flow_part: bool = True, slow_part: bool = 
         velocity: wp.array(dtype=vec),
         state: wp.array(dtype=pair),
         boundary_volume: wp.array(dtype=real),
+        mirror_velocity: wp.array(dtype=vec),
+        slip: wp.array(dtype=wp.uint8),
         pressure_gradient: wp.array(dtype=vec),
         shift: wp.array(dtype=vec),
         slow_rate: wp.array(dtype=real),
@@ -99,6 +108,7 @@ def make_delta_continuity(spec: Spec, flow_part: bool = True, slow_part: bool = 
         crowd = real(0.0)
         flow = mat()  # sum F V (v_j - v_i) (x) x_ij
         moment = mat()  # -sum F V x_ij (x) x_ij
+        correctable = bool(True)
         full, thin = bool(True), bool(False)  # no particle of a free surface within the support, nor any other than those
         if wp.static(roomy and spec.free_surface):
             full = wholeness[i] >= real(WHOLE)
@@ -152,8 +162,21 @@ def make_delta_continuity(spec: Spec, flow_part: bool = True, slow_part: bool = 
                         volume = boundary_volume[j - fluid_count]
                     room += inside * inside * volume
                 if wp.static(spec.bodies):
-                    rate += f * boundary_volume[j - fluid_count] * wp.dot(vi - velocity[j], d)
+                    w = j - fluid_count
+                    fd = (f * boundary_volume[w]) * d
+                    dv = vi - velocity[j]
+                    follows = bool(False)
+                    if wp.static(continued):
+                        follows = slip[w] == wp.uint8(0)
+                        if follows:
+                            dv = vi - mirror_velocity[w]
+                    correctable = correctable and (follows or f == real(0.0))
+                    rate += wp.dot(dv, fd)
+                    if wp.static(exact):
+                        flow -= wp.outer(dv, fd)
+                        moment -= wp.outer(d, fd)
                 else:
+                    correctable = False  # the image of a velocity along a wall is not that of a linear field
                     # the mirror image of the particle has 2 v_w - v_i, which holds the velocity of the wall at its surface
                     rate += real(2.0) * f * params.wall_volume * wp.dot(vi - velocity[j], d)
         elif wp.static(spec.walls and carries):
@@ -164,7 +187,7 @@ def make_delta_continuity(spec: Spec, flow_part: bool = True, slow_part: bool = 
                 k += step
         if wp.static(exact):
             m = moment * params.g_norm
-            if not beside and wp.determinant(m) > real(SMALLEST_MOMENT):
+            if correctable and wp.determinant(m) > real(SMALLEST_MOMENT):
                 rate -= wp.trace(flow * wp.inverse(m)) - wp.trace(flow)
         total = (real(1.0) + s_i) * rate
         if wp.static(diffuses):

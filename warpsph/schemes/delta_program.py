@@ -11,7 +11,7 @@ from warpsph.kernels.core.time_signals import depends_on_time
 from warpsph.kernels.delta.budget_density import make_budget_density
 from warpsph.kernels.delta.budget_forces import make_budget_forces
 from warpsph.kernels.delta.budget_sums import make_budget_sums
-from warpsph.kernels.delta.delta_continuity import make_delta_continuity
+from warpsph.kernels.delta.delta_continuity import continues_flow, make_delta_continuity
 from warpsph.kernels.delta.delta_drift import make_delta_drift, make_delta_shift, make_delta_state
 from warpsph.kernels.delta.delta_fields import ADVANCED
 from warpsph.kernels.delta.delta_load import make_delta_load
@@ -19,7 +19,7 @@ from warpsph.kernels.delta.delta_momentum import make_delta_momentum
 from warpsph.kernels.riemann.volume import make_volume
 from warpsph.schemes.map_stages import exponents, follow_shift, windows
 from warpsph.schemes.open_stages import buffer_gradient, closed_sides, crossing, fill, open_flow, sponge
-from warpsph.schemes.wall_stages import bodies, moving_sides, signals, surface_load, walls
+from warpsph.schemes.wall_stages import bodies, moving_sides, signals, surface_load, walls, walls_ahead
 
 
 def program(spec: Spec) -> Program:
@@ -47,6 +47,7 @@ def leapfrog(spec: Spec) -> list[Node]:
         *bodies(spec, MIDDLE, speed=1),
         *windows(spec),
         Stage("drift", make_delta_drift(spec), "fluid", "moves the particles"),
+        *(walls_ahead(spec, sliding=True) if continues_flow(spec) else []),
         Stage("continuity", make_delta_continuity(spec), "fluid", "rate of the density, with its diffusion"),
         *budget_ahead(spec),
         state(spec, closing=1),
@@ -67,13 +68,14 @@ def leapfrog(spec: Spec) -> list[Node]:
 def runge_kutta(spec: Spec) -> list[Node]:
     """Return the nodes of a step of Runge and Kutta; diffusion and shift are taken at its start and held."""
     offset, velocity, excess = ADVANCED
-    here = {"midway": "position"}
+    here, continued = {"midway": "position"}, continues_flow(spec)
     slow = make_delta_continuity(spec, flow_part=False)
     flow = make_delta_continuity(spec, slow_part=False)
     rates = [
         state(spec, closing=0),
-        *walls(spec),
+        *walls(spec, sliding=continued),
         Stage("continuity", flow, "fluid", "rate of the density", fields=here),
+        *(walls(spec) if continued and spec.bodies and spec.wall_no_slip else []),
         Stage("acceleration", make_delta_momentum(spec, measuring=False), "fluid", "acceleration"),
     ]
     held = Stage("diffusion", slow, "fluid", "diffusion of the density", fields={**here, "density_rate": "slow_rate"})
