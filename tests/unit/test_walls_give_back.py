@@ -54,11 +54,11 @@ def test_water_that_slides_along_a_round_wall_gains_nothing(full: bool) -> None:
 def test_what_enters_a_venturi_leaves_it() -> None:
     """Between free-slip walls with a throat of half the height: the fluid thinned along them, 6 % more left than entered.
 
-    Means over 2.5 s scatter by 0.1 %; the walls place their surface to a tenth of a spacing of the ten in the throat, 1 %.
+    Means over 2.5 s scatter by 0.1 %; each wall places its surface to a tenth of a spacing of the ten in the throat, 2 %.
     """
     changes = ["numerics.scheme=delta_plus", "end_time=10", "output.particles=none"]
     simulation = warpsph.Simulation(warpsph.load_case(VENTURI, changes), threads=1)
     simulation.run()
     flow = simulation.gauge("flow")
     name = next(key for key in flow if key.startswith("flow") and "x_upper" in key)
-    assert -flow[name][flow["time"] > 7.5].mean() == pytest.approx(1000.0, rel=0.01)
+    assert -flow[name][flow["time"] > 7.5].mean() == pytest.approx(1000.0, rel=0.02)

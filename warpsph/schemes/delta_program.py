@@ -75,7 +75,7 @@ def runge_kutta(spec: Spec) -> list[Node]:
         state(spec, closing=0),
         *walls(spec, sliding=continued),
         Stage("continuity", flow, "fluid", "rate of the density", fields=here),
-        *(walls(spec) if continued and spec.bodies and spec.wall_no_slip else []),
+        *(walls(spec) if continued and spec.bodies else []),
         Stage("acceleration", make_delta_momentum(spec, measuring=False), "fluid", "acceleration"),
     ]
     held = Stage("diffusion", slow, "fluid", "diffusion of the density", fields={**here, "density_rate": "slow_rate"})
