@@ -16,7 +16,7 @@ from warpsph.kernels.core.params import make_params, make_phase
 from warpsph.kernels.core.smoothing import make_smoothing
 from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, types_of
 
-from .delta_continuity import SMALLEST_MOMENT, continues_flow
+from .delta_continuity import LEAST_SHARE, SMALLEST_MOMENT, continues_flow
 from .delta_momentum import make_driving_force
 
 
@@ -59,6 +59,8 @@ def make_budget_density(spec: Spec) -> Any:
         boundary_volume: wp.array(dtype=real),
         mirror_velocity: wp.array(dtype=vec),
         slip: wp.array(dtype=wp.uint8),
+        wall_normal: wp.array(dtype=vec),
+        wall_depth: wp.array(dtype=real),
         pressure_gradient: wp.array(dtype=vec),
         shift: wp.array(dtype=vec),
         density_excess: wp.array(dtype=real),
@@ -90,7 +92,7 @@ def make_budget_density(spec: Spec) -> Any:
         moved = real(0.0)
         flow = mat()
         moment = mat()
-        correctable = bool(True)
+        correctable, share = bool(True), real(1.0)
         k = list_begin(i, list_width)
         step = list_step(particle_count)
         end = k + int(fluid_neighbours[i]) * step
@@ -121,12 +123,15 @@ def make_budget_density(spec: Spec) -> Any:
                     w = j - fluid_count
                     fd = (f * boundary_volume[w]) * d
                     dv = vi - velocity[j]
-                    follows = bool(False)
+                    slides = bool(True)
                     if wp.static(continued):
-                        follows = slip[w] == wp.uint8(0)
-                        if follows:
+                        slides = slip[w] != wp.uint8(0)
+                        if not slides:
                             dv = vi - mirror_velocity[w]
-                    correctable = correctable and (follows or f == real(0.0))
+                    correctable = correctable and (not slides or f == real(0.0))
+                    if wp.static(not spec.free_surface):
+                        if slides:
+                            share += wall_depth[w] * wp.dot(wall_normal[w], fd) * params.g_norm
                     at_walls += wp.dot(dv, fd)
                     if wp.static(spec.exact_divergence):
                         flow -= wp.outer(dv, fd)
@@ -134,6 +139,8 @@ def make_budget_density(spec: Spec) -> Any:
                 else:
                     correctable = False
                     at_walls += real(2.0) * f * params.wall_volume * wp.dot(vi - velocity[j], d)
+        if wp.static(spec.bodies and not spec.free_surface):
+            at_walls += (rate + at_walls) * (real(1.0) / wp.max(share, real(LEAST_SHARE)) - real(1.0))
         correction = real(0.0)
         if wp.static(spec.exact_divergence):
             m = moment * params.g_norm

@@ -7,7 +7,8 @@ D compares pressures and not densities: the same where pressure is proportional 
 equation of state. G is the corrected pressure gradient of the last momentum sweep. Positions are those in the middle of
 the step. Walls take part in the first sum alone: what their pressure misses would be a source of volume beside them. Bodies
 that the fluid slides along have their own velocity there, under a free surface all bodies: the rate is that of a sum over
-places, which returns the work that it takes. In a full domain those that it sticks to continue the flow (theory: delta#d6).
+places, which returns the work that it takes. In a full domain it is divided by the share that it has of a compression
+along the normal, and those that the fluid sticks to continue the flow (theory: delta#d6).
 
 In a domain that is full the divergence is exact for linear velocities, tr(sum_j (v_j - v_i) (x) grad_i W V_j M_i^-1), but
 beside walls along which the velocity jumps: what a strained arrangement makes of a divergence has one sign, and would raise
@@ -31,6 +32,7 @@ from warpsph.kernels.core.smoothing import make_smoothing
 from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, types_of
 
 SMALLEST_MOMENT = 0.1  # determinant below which a neighbourhood is too thin to correct
+LEAST_SHARE = 0.25  # in a right-angled corner whose two faces a particle touches
 SPARSE = 0.4  # of the dimension, which -sum F V r^2 is inside a fluid: fewer neighbours than a particle on a surface has
 
 
@@ -80,6 +82,8 @@ def make_delta_continuity(spec: Spec, flow_part: bool = True, slow_part: bool = 
         boundary_volume: wp.array(dtype=real),
         mirror_velocity: wp.array(dtype=vec),
         slip: wp.array(dtype=wp.uint8),
+        wall_normal: wp.array(dtype=vec),
+        wall_depth: wp.array(dtype=real),
         pressure_gradient: wp.array(dtype=vec),
         shift: wp.array(dtype=vec),
         slow_rate: wp.array(dtype=real),
@@ -147,6 +151,7 @@ def make_delta_continuity(spec: Spec, flow_part: bool = True, slow_part: bool = 
             if wp.static(spec.free_surface):
                 crowd -= f * r2
         beside = bool(False)  # a wall is within the support
+        share = real(1.0)  # of a compression along the normal, what the sum has of it beside walls that do not take part
         if wp.static(spec.walls and flow_part):
             end += int(wall_neighbours[i]) * step
             while k < end:
@@ -165,12 +170,15 @@ def make_delta_continuity(spec: Spec, flow_part: bool = True, slow_part: bool = 
                     w = j - fluid_count
                     fd = (f * boundary_volume[w]) * d
                     dv = vi - velocity[j]
-                    follows = bool(False)
+                    slides = bool(True)
                     if wp.static(continued):
-                        follows = slip[w] == wp.uint8(0)
-                        if follows:
+                        slides = slip[w] != wp.uint8(0)
+                        if not slides:
                             dv = vi - mirror_velocity[w]
-                    correctable = correctable and (follows or f == real(0.0))
+                    correctable = correctable and (not slides or f == real(0.0))
+                    if wp.static(not spec.free_surface):
+                        if slides:
+                            share += wall_depth[w] * wp.dot(wall_normal[w], fd) * params.g_norm
                     rate += wp.dot(dv, fd)
                     if wp.static(exact):
                         flow -= wp.outer(dv, fd)
@@ -185,6 +193,8 @@ def make_delta_continuity(spec: Spec, flow_part: bool = True, slow_part: bool = 
                 d = separation(xi, position[neighbour(neighbours, i, k)], wrapped, params)
                 beside = beside or slope(wp.length(d) * params.inv_h) < real(0.0)
                 k += step
+        if wp.static(spec.bodies and not spec.free_surface):
+            rate /= wp.max(share, real(LEAST_SHARE))
         if wp.static(exact):
             m = moment * params.g_norm
             if correctable and wp.determinant(m) > real(SMALLEST_MOMENT):
