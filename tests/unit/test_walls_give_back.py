@@ -66,7 +66,7 @@ def test_what_enters_a_venturi_leaves_it() -> None:
 
 
 def test_sound_between_walls_without_friction_stays() -> None:
-    """Half a wave to and fro, 20 spacings, five passages: two thirds of its energy were lost, but for the share of its rate."""
+    """Half a wave to and fro, 20 spacings, five passages: without its share the rate took two thirds of the energy."""
     case = warpsph.load_case(
         {
             "dimension": 2,
