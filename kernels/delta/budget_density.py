@@ -15,8 +15,9 @@ from warpsph.kernels.core.pair import WRAPPED, list_access, separation_of
 from warpsph.kernels.core.params import make_params, make_phase
 from warpsph.kernels.core.smoothing import make_smoothing
 from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, types_of
+from warpsph.kernels.core.wall_share import LEAST_SHARE
 
-from .delta_continuity import LEAST_SHARE, SMALLEST_MOMENT, continues_flow
+from .delta_continuity import SMALLEST_MOMENT, continues_flow
 from .delta_momentum import make_driving_force
 
 

@@ -30,9 +30,9 @@ from warpsph.kernels.core.pair import WRAPPED, list_access, separation_of
 from warpsph.kernels.core.params import make_params, make_phase
 from warpsph.kernels.core.smoothing import make_smoothing
 from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, types_of
+from warpsph.kernels.core.wall_share import LEAST_SHARE
 
 SMALLEST_MOMENT = 0.1  # determinant below which a neighbourhood is too thin to correct
-LEAST_SHARE = 0.25  # in a right-angled corner whose two faces a particle touches
 SPARSE = 0.4  # of the dimension, which -sum F V r^2 is inside a fluid: fewer neighbours than a particle on a surface has
 
 

@@ -9,25 +9,37 @@ from warpsph.kernels.core.pair import list_access, separation_of
 from warpsph.kernels.core.params import make_params
 from warpsph.kernels.core.smoothing import make_smoothing
 from warpsph.kernels.core.spec import Spec, types_of
+from warpsph.kernels.core.wall_share import LEAST_SHARE, PARALLEL
 
 SMALLEST_MOMENT = 0.1  # determinant below which a neighbourhood is too thin to correct
 
 
+def own_velocity(spec: Spec) -> bool:
+    """In the continuity sweep bodies that the fluid slides along have their own velocity: one fluid in a full domain."""
+    return spec.bodies and not spec.free_surface and not spec.multiphase
+
+
 @functools.cache
 def make_body_flow(spec: Spec) -> Any:
-    """Return the `wp.func` of the rate of continuity that wall neighbours make; without bodies it is never called.
+    """Return the `wp.func` of what walls do in continuity: the rate they make, and the share to divide that of all by.
 
-    Their velocity is the mirrored one; for several fluids it is that of the one-sided Riemann problem of each, in which the
-    wall moves at u*. With the corrected gradient the rate also takes out what the arrangement of all neighbours makes of a
-    linear velocity without divergence. Pressure differences are those of the fluid alone: one with a wall would be
-    continued along the fit, and not evened (docs/records/walls.md#first-row). Arguments that are not those of the sweep:
-    `flow` and `moment`, the sums of (v_j - v_i) (x) F V x_ij and -x_ij (x) F V x_ij over the fluid.
+    Without bodies it is never called. Their velocity is the mirrored one; for several fluids it is that of the one-sided
+    Riemann problem of each, in which the wall moves at u*. One fluid that fills its domain and slides along a wall has the
+    wall's own velocity there, and a share of a compression along the normal (theory: delta#d6); before a plane what runs
+    along it has no part: all that the sum has of it is how the wall's particles lie. Other walls have the share 1.
+
+    With the corrected gradient the rate also takes out what the arrangement of all neighbours makes of a linear velocity
+    without divergence, but beside walls that the fluid slides along, where velocities jump. Pressure differences are those
+    of the fluid alone: one with a wall would be continued along the fit, and not evened (docs/records/walls.md#first-row).
+    Arguments that are not those of the sweep: `flow` and `moment`, the sums of (v_j - v_i) (x) F V x_ij and
+    -x_ij (x) F V x_ij over the fluid.
     """
     real, vec, mat, _ = types_of(spec)
     Params = make_params(spec.dimension, spec.precision)
     _, slope = make_smoothing(spec.kernel, spec.precision)
     separation = separation_of(spec)
     _, _, neighbour, Listed = list_access(spec)
+    slide = own_velocity(spec)
 
     @wp.func
     def rate_at_bodies(
@@ -48,11 +60,18 @@ def make_body_flow(spec: Spec) -> Any:
         boundary_volume: wp.array(dtype=real),
         velocity: wp.array(dtype=vec),
         mirror_velocity: wp.array(dtype=vec),
+        slip: wp.array(dtype=wp.uint8),
+        wall_normal: wp.array(dtype=vec),
+        wall_depth: wp.array(dtype=real),
     ):
         fluid_rows = particle_count - boundary_volume.shape[0]
         rate = real(0.0)
         wall_flow = mat()
         wall_moment = mat()
+        share = real(1.0)
+        along, across = real(0.0), real(0.0)  # rate of walls that the fluid slides along; what normals have of it
+        first_normal = vec()  # of those walls
+        plane, sliding = bool(True), bool(False)  # all their normals are parallel; there are any
         k = start
         while k < end:
             j = neighbour(neighbours, i, k)
@@ -60,19 +79,36 @@ def make_body_flow(spec: Spec) -> Any:
             w = j - fluid_rows
             d = separation(xi, position[j], wrapped, params)
             f = slope(wp.length(d) * params.inv_h) * boundary_volume[w]
-            mirrored = mirror_velocity[w]
-            if wp.static(spec.multiphase):
-                mirrored = real(2.0) * velocity[j] - vi
-            rate += f * wp.dot(vi - mirrored, d)
-            if wp.static(spec.corrected):
-                wall_flow += wp.outer(mirrored - vi, f * d)
-                wall_moment -= wp.outer(d, f * d)
+            slides = bool(False)
+            if wp.static(slide):
+                slides = f < real(0.0)
+                if wp.static(spec.wall_no_slip):
+                    slides = slides and slip[w] != wp.uint8(0)
+                if slides:
+                    normal = wall_normal[w]
+                    meets = wp.dot(normal, f * d)
+                    share += wall_depth[w] * meets * params.g_norm
+                    if not sliding:
+                        first_normal = normal
+                    plane = plane and wp.dot(normal, first_normal) > real(PARALLEL)
+                    sliding = True
+                    along += wp.dot(vi - velocity[j], f * d)
+                    across += wp.dot(vi - velocity[j], normal) * meets
+            if not slides:
+                mirrored = mirror_velocity[w]
+                if wp.static(spec.multiphase):
+                    mirrored = real(2.0) * velocity[j] - vi
+                rate += f * wp.dot(vi - mirrored, d)
+                if wp.static(spec.corrected):
+                    wall_flow += wp.outer(mirrored - vi, f * d)
+                    wall_moment -= wp.outer(d, f * d)
+        rate += wp.where(plane, across, along)
         if wp.static(spec.corrected):
-            if end > start and not near:
+            if end > start and not near and not sliding:
                 m = (moment + wall_moment) * params.g_norm
                 total = flow + wall_flow
                 if wp.determinant(m) > real(SMALLEST_MOMENT):
                     rate -= wp.trace(total * wp.inverse(m)) - wp.trace(total)
-        return rate
+        return rate, wp.max(share, real(LEAST_SHARE))
 
     return rate_at_bodies

@@ -22,7 +22,7 @@ from warpsph.kernels.core.spec import Spec, curvature_type, pair_sweep, types, t
 from warpsph.kernels.core.time_signals import GRAVITY_NOW, make_forcing
 from warpsph.kernels.core.viscosity import make_interface_stress
 
-from .body_flow import make_body_flow
+from .body_flow import make_body_flow, own_velocity
 from .disorder import make_disorder_friction
 from .interface_flow import make_density_between
 from .star import make_carried, make_jump, make_star
@@ -187,7 +187,7 @@ def make_continuity(spec: Spec) -> Any:
     spray, sided = spec.free_surface and not spec.multiphase, spec.multiphase and not spec.paper_star
     (_, stress_jump), linear = make_interface_stress(spec.dimension, spec.precision), spec.bodies and spec.corrected
     (followed, remembered), uneven = make_remembered(spec), make_disorder_friction(spec)
-    rate_at_bodies = make_body_flow(spec)
+    rate_at_bodies, shared = make_body_flow(spec), own_velocity(spec)
 
     @wp.kernel(**pair_sweep(spec))
     def continuity(
@@ -226,6 +226,9 @@ def make_continuity(spec: Spec) -> Any:
         disorder_force: wp.array(dtype=vec),
         room_part: wp.array(dtype=real),
         thin: wp.array(dtype=wp.int8),
+        slip: wp.array(dtype=wp.uint8),
+        wall_normal: wp.array(dtype=vec),
+        wall_depth: wp.array(dtype=real),
     ):
         i = wp.tid() + first
         if wp.static(spec.open_axis >= 0):
@@ -321,7 +324,7 @@ def make_continuity(spec: Spec) -> Any:
                     dp -= real(0.5) * wp.dot(pressure_gradient[i] + pressure_gradient[j], d)
                 elif wp.static(spec.gravity):
                     dp -= own.density * wp.dot(gravity_of(params, forcing, GRAVITY_NOW), d)
-                if wp.static(spray or damps):
+                if wp.static(spray or damps or shared):
                     blur += f * (dp * r * inv_z)
                 else:
                     term += dp * r * inv_z
@@ -344,9 +347,11 @@ def make_continuity(spec: Spec) -> Any:
                 d = separation(xi, position[j], wrapped, params)
                 rate += real(2.0) * slope(wp.length(d) * params.inv_h) * params.wall_volume * wp.dot(vi - velocity[j], d)
         if wp.static(spec.bodies):
-            rate += rate_at_bodies(
+            at_walls, share = rate_at_bodies(
                 i, k, end, step, particle_count, wrapped, near, xi, vi, flow, moment,
-                params, neighbours, position, boundary_volume, velocity, mirror_velocity)  # fmt: skip
+                params, neighbours, position, boundary_volume, velocity, mirror_velocity,
+                slip, wall_normal, wall_depth)  # fmt: skip
+            rate = (rate + at_walls) / share
         if wp.static(spray):
             blur *= evenly(stiffness, params)
         if wp.static(sided):
