@@ -21,12 +21,12 @@ def own_velocity(spec: Spec) -> bool:
 
 @functools.cache
 def make_body_flow(spec: Spec) -> Any:
-    """Return the `wp.func` of what walls do in continuity: the rate they make, and the share to divide that of all by.
+    """Return the `wp.func` with_bodies(rate of the fluid, ...): the rate of continuity with what wall neighbours make of it.
 
     Without bodies it is never called. Their velocity is the mirrored one; for several fluids it is that of the one-sided
     Riemann problem of each, in which the wall moves at u*. One fluid that fills its domain and slides along a wall has the
-    wall's own velocity there, and a share of a compression along the normal (theory: delta#d6); before a plane what runs
-    along it has no part: all that the sum has of it is how the wall's particles lie. Other walls have the share 1.
+    wall's own velocity there, and the rate is divided by its share of a compression along the normal (theory: delta#d6);
+    before a plane what runs along it has no part: all that the sum has of it is how the wall's particles lie.
 
     With the corrected gradient the rate also takes out what the arrangement of all neighbours makes of a linear velocity
     without divergence, but beside walls that the fluid slides along, where velocities jump. Pressure differences are those
@@ -42,7 +42,8 @@ def make_body_flow(spec: Spec) -> Any:
     slide = own_velocity(spec)
 
     @wp.func
-    def rate_at_bodies(
+    def with_bodies(
+        fluid_rate: real,
         i: int,
         start: int,
         end: int,
@@ -65,7 +66,7 @@ def make_body_flow(spec: Spec) -> Any:
         wall_depth: wp.array(dtype=real),
     ):
         fluid_rows = particle_count - boundary_volume.shape[0]
-        rate = real(0.0)
+        rate = fluid_rate
         wall_flow = mat()
         wall_moment = mat()
         share = real(1.0)
@@ -109,6 +110,6 @@ def make_body_flow(spec: Spec) -> Any:
                 total = flow + wall_flow
                 if wp.determinant(m) > real(SMALLEST_MOMENT):
                     rate -= wp.trace(total * wp.inverse(m)) - wp.trace(total)
-        return rate, wp.max(share, real(LEAST_SHARE))
+        return rate / wp.max(share, real(LEAST_SHARE))
 
-    return rate_at_bodies
+    return with_bodies

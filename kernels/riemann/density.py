@@ -187,7 +187,7 @@ def make_continuity(spec: Spec) -> Any:
     spray, sided = spec.free_surface and not spec.multiphase, spec.multiphase and not spec.paper_star
     (_, stress_jump), linear = make_interface_stress(spec.dimension, spec.precision), spec.bodies and spec.corrected
     (followed, remembered), uneven = make_remembered(spec), make_disorder_friction(spec)
-    rate_at_bodies, shared = make_body_flow(spec), own_velocity(spec)
+    with_bodies, shared = make_body_flow(spec), own_velocity(spec)
 
     @wp.kernel(**pair_sweep(spec))
     def continuity(
@@ -347,11 +347,10 @@ def make_continuity(spec: Spec) -> Any:
                 d = separation(xi, position[j], wrapped, params)
                 rate += real(2.0) * slope(wp.length(d) * params.inv_h) * params.wall_volume * wp.dot(vi - velocity[j], d)
         if wp.static(spec.bodies):
-            at_walls, share = rate_at_bodies(
-                i, k, end, step, particle_count, wrapped, near, xi, vi, flow, moment,
+            rate = with_bodies(
+                rate, i, k, end, step, particle_count, wrapped, near, xi, vi, flow, moment,
                 params, neighbours, position, boundary_volume, velocity, mirror_velocity,
                 slip, wall_normal, wall_depth)  # fmt: skip
-            rate = (rate + at_walls) / share
         if wp.static(spray):
             blur *= evenly(stiffness, params)
         if wp.static(sided):
