@@ -348,9 +348,8 @@ def make_continuity(spec: Spec) -> Any:
                 rate += real(2.0) * slope(wp.length(d) * params.inv_h) * params.wall_volume * wp.dot(vi - velocity[j], d)
         if wp.static(spec.bodies):
             rate = with_bodies(
-                rate, i, k, end, step, particle_count, wrapped, near, xi, vi, flow, moment,
-                params, neighbours, position, boundary_volume, velocity, mirror_velocity,
-                slip, wall_normal, wall_depth)  # fmt: skip
+                rate, i, k, end, step, particle_count, wrapped, near, xi, vi, flow, moment, params, neighbours,
+                position, boundary_volume, velocity, mirror_velocity, slip, wall_normal, wall_depth)  # fmt: skip
         if wp.static(spray):
             blur *= evenly(stiffness, params)
         if wp.static(sided):
