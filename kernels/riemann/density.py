@@ -22,8 +22,9 @@ from warpsph.kernels.core.spec import Spec, curvature_type, pair_sweep, types, t
 from warpsph.kernels.core.time_signals import GRAVITY_NOW, make_forcing
 from warpsph.kernels.core.viscosity import make_interface_stress
 
-from .body_flow import make_body_flow, own_velocity
+from .body_flow import make_body_flow, shares
 from .disorder import make_disorder_friction
+from .inertia import make_spared
 from .interface_flow import make_density_between
 from .star import make_carried, make_jump, make_star
 from .three_phases import make_parts_jump
@@ -187,7 +188,7 @@ def make_continuity(spec: Spec) -> Any:
     spray, sided = spec.free_surface and not spec.multiphase, spec.multiphase and not spec.paper_star
     (_, stress_jump), linear = make_interface_stress(spec.dimension, spec.precision), spec.bodies and spec.corrected
     (followed, remembered), uneven = make_remembered(spec), make_disorder_friction(spec)
-    with_bodies, shared = make_body_flow(spec), own_velocity(spec)
+    with_bodies, shared, spared = make_body_flow(spec), shares(spec), make_spared(spec)
 
     @wp.kernel(**pair_sweep(spec))
     def continuity(
@@ -229,6 +230,7 @@ def make_continuity(spec: Spec) -> Any:
         slip: wp.array(dtype=wp.uint8),
         wall_normal: wp.array(dtype=vec),
         wall_depth: wp.array(dtype=real),
+        inertia: wp.array(dtype=vec),
     ):
         i = wp.tid() + first
         if wp.static(spec.open_axis >= 0):
@@ -319,11 +321,7 @@ def make_continuity(spec: Spec) -> Any:
             f = slope(r * params.inv_h) * state_j[1]
             term = wp.dot(vi - velocity[j], d)
             if wp.static(spec.dissipation):
-                dp = p_i - state_j[0]
-                if wp.static(linear):
-                    dp -= real(0.5) * wp.dot(pressure_gradient[i] + pressure_gradient[j], d)
-                elif wp.static(spec.gravity):
-                    dp -= own.density * wp.dot(gravity_of(params, forcing, GRAVITY_NOW), d)
+                dp = p_i - state_j[0] - spared(i, j, d, own.density, params, forcing, pressure_gradient, inertia)
                 if wp.static(spray or damps or shared):
                     blur += f * (dp * r * inv_z)
                 else:

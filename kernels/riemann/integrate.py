@@ -14,22 +14,27 @@ import warp as wp
 
 from warpsph.kernels.core.clock import DRIFT_VELOCITY, EXCESS_PRESSURE, LAST_STEP, MAXIMA, RUNAWAY, STEP
 from warpsph.kernels.core.fields import FLUID, NOBODY
-from warpsph.kernels.core.params import LEAST_DENSITY, make_phase
+from warpsph.kernels.core.params import LEAST_DENSITY, make_params, make_phase
 from warpsph.kernels.core.spec import Spec, types_of
+
+from .inertia import has_inertia, make_inertia
 
 
 @functools.cache
 def make_kick_drift(spec: Spec) -> Any:
     """Return the kernel that moves the fluid particles and watches speed, way and faults."""
     real, vec, _, pair = types_of(spec)
-    Phase = make_phase(spec.precision)
+    Params, Phase = make_params(spec.dimension, spec.precision), make_phase(spec.precision)
+    later_inertia, inert = make_inertia(spec), has_inertia(spec)
 
     @wp.kernel(module="unique", enable_backward=False)
     def kick_drift(
         first: int,
         slot: int,
         clock: wp.array(dtype=wp.float64),
+        params: Params,
         phases: wp.array(dtype=Phase),
+        forcing: wp.array(dtype=vec),
         phase: wp.array(dtype=wp.int8),
         acceleration: wp.array(dtype=vec),
         shift: wp.array(dtype=vec),
@@ -46,6 +51,7 @@ def make_kick_drift(spec: Spec) -> Any:
         faults: wp.array(dtype=int),
         zone: wp.array(dtype=wp.int8),
         row_speed: wp.array(dtype=real),
+        inertia: wp.array(dtype=vec),
     ):
         i = wp.tid() + first
         if wp.static(spec.open_axis >= 0):
@@ -55,6 +61,8 @@ def make_kick_drift(spec: Spec) -> Any:
         if wp.static(spec.momentum_constraint):
             for axis in range(wp.static(spec.dimension)):
                 v[axis] += real(clock[DRIFT_VELOCITY + axis])
+        if wp.static(inert):
+            inertia[i] = later_inertia(inertia[i], acceleration[i], position[i], params, phases[0], forcing, clock)
         v_step = v
         drift = v
         if wp.static(spec.open_axis >= 0):
@@ -62,6 +70,8 @@ def make_kick_drift(spec: Spec) -> Any:
                 # a buffer moves across its side alone, so that its rows stay whole
                 drift = vec()
                 drift[wp.static(max(spec.open_axis, 0))] = row_speed[i]
+                if wp.static(inert):
+                    inertia[i] = vec()  # what stood in its row before is another's
         way = offset[i] + drift * real(clock[STEP])
         if wp.static(spec.shifting):
             way += shift[i]

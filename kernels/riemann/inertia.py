@@ -1,0 +1,84 @@
+"""Pressure differences that dissipation spares (theory: riemann#inertia).
+
+    grad p / rho = g + b,   b = f - a:   db/dt = (f - a - b) FOLLOW c / dx
+
+with a the acceleration and f the forces of the scene but gravity. b is followed slowly, as the slope of the pressure at a
+wall is: what is steady is left out of the dissipation, and sound is damped as before.
+"""
+
+import functools
+from typing import Any
+
+import warp as wp
+
+from warpsph.kernels.core.clock import LAST_STEP, STEP
+from warpsph.kernels.core.params import make_params, make_phase
+from warpsph.kernels.core.spec import Spec, types_of
+from warpsph.kernels.core.time_signals import GRAVITY_NOW, make_forcing
+from warpsph.kernels.core.wall_fit import FOLLOW
+
+
+def has_inertia(spec: Spec) -> bool:
+    """One fluid with a free surface, whose pressure differences are a part of continuity."""
+    return spec.free_surface and not spec.multiphase and not spec.printed and spec.dissipation
+
+
+@functools.cache
+def make_inertia(spec: Spec) -> Any:
+    """Return the `wp.func` later_inertia(before, acceleration, position, ...): b [m/s^2] a step later, f - a at first."""
+    real, vec, _, _ = types_of(spec)
+    Params, Phase = make_params(spec.dimension, spec.precision), make_phase(spec.precision)
+    _, body_force_of = make_forcing(spec)
+
+    @wp.func
+    def later_inertia(
+        before: vec,
+        acceleration: vec,
+        position: vec,
+        params: Params,
+        own: Phase,
+        forcing: wp.array(dtype=vec),
+        clock: wp.array(dtype=wp.float64),
+    ):
+        now = -acceleration
+        if wp.static(spec.body_force):
+            now += body_force_of(params, forcing)
+        if wp.static(spec.central_force):
+            now -= params.pull * (position - params.center)
+        kept = real(0.0)
+        if clock[LAST_STEP] > wp.float64(0.0):
+            kept = wp.exp(-real(FOLLOW) * own.sound_speed / params.spacing * real(clock[STEP]))
+        return now + kept * (before - now)
+
+    return later_inertia
+
+
+@functools.cache
+def make_spared(spec: Spec) -> Any:
+    """Return the `wp.func` spared(i, j, d, ...): p_i - p_j [Pa] of a pair of one fluid without sound, d = x_i - x_j."""
+    real, vec, _, _ = types_of(spec)
+    Params = make_params(spec.dimension, spec.precision)
+    gravity_of, _ = make_forcing(spec)
+    linear, inert = spec.bodies and spec.corrected, has_inertia(spec)
+
+    @wp.func
+    def spared(
+        i: int,
+        j: int,
+        d: vec,
+        density: real,
+        params: Params,
+        forcing: wp.array(dtype=vec),
+        pressure_gradient: wp.array(dtype=vec),
+        inertia: wp.array(dtype=vec),
+    ):
+        borne = vec()
+        if wp.static(linear):
+            borne = real(0.5) * (pressure_gradient[i] + pressure_gradient[j])
+        elif wp.static(spec.gravity):
+            borne = density * gravity_of(params, forcing, GRAVITY_NOW)
+        if wp.static(inert):
+            borne += (real(0.5) * density) * (inertia[i] + inertia[j])
+        return wp.dot(borne, d)
+
+    return spared
