@@ -15,8 +15,8 @@ SMALLEST_MOMENT = 0.1  # determinant below which a neighbourhood is too thin to 
 
 
 def shares(spec: Spec) -> bool:
-    """One fluid fills its domain: beside bodies continuity is divided by the share that it has of a compression."""
-    return spec.bodies and not spec.free_surface and not spec.multiphase
+    """One fluid beside bodies: where it slides along them, continuity is divided by the share it has of a compression."""
+    return spec.bodies and not spec.multiphase
 
 
 @functools.cache
@@ -25,8 +25,8 @@ def make_body_flow(spec: Spec) -> Any:
 
     Without bodies it is never called. Their velocity is the mirrored one; for several fluids it is that of the one-sided
     Riemann problem of each, in which the wall moves at u*. One fluid that slides along a wall has the wall's own velocity
-    there, and in a full domain the rate is divided by its share of a compression along the normal (theory: delta#d6); before
-    a plane what runs along it has no part: all that the sum has of it is how the wall's particles lie.
+    there, and the rate is divided by its share of a compression along the normal (theory: delta#d6); before a plane what
+    runs along it has no part: all that the sum has of it is how the wall's particles lie.
 
     With the corrected gradient the rate also takes out what the arrangement of all neighbours makes of a linear velocity
     without divergence, but beside walls that the fluid slides along, where velocities jump. Pressure differences are those
@@ -39,7 +39,7 @@ def make_body_flow(spec: Spec) -> Any:
     _, slope = make_smoothing(spec.kernel, spec.precision)
     separation = separation_of(spec)
     _, _, neighbour, Listed = list_access(spec)
-    slide, shared = not spec.multiphase, shares(spec)
+    slide = shares(spec)
 
     @wp.func
     def with_bodies(
@@ -88,8 +88,7 @@ def make_body_flow(spec: Spec) -> Any:
                 if slides:
                     normal = wall_normal[w]
                     meets = wp.dot(normal, f * d)
-                    if wp.static(shared):
-                        share += wall_depth[w] * meets * params.g_norm
+                    share += wall_depth[w] * meets * params.g_norm
                     if not sliding:
                         first_normal = normal
                     plane = plane and wp.dot(normal, first_normal) > real(PARALLEL)
