@@ -15,8 +15,8 @@ SMALLEST_MOMENT = 0.1  # determinant below which a neighbourhood is too thin to 
 
 
 def shares(spec: Spec) -> bool:
-    """One fluid beside bodies: where it slides along them, continuity is divided by the share it has of a compression."""
-    return spec.bodies and not spec.multiphase
+    """One fluid in a full domain: where it slides along bodies these have their own velocity, and continuity a share."""
+    return spec.bodies and not spec.multiphase and not spec.free_surface
 
 
 @functools.cache
@@ -24,8 +24,8 @@ def make_body_flow(spec: Spec) -> Any:
     """Return the `wp.func` with_bodies(rate of the fluid, ...): the rate of continuity with what wall neighbours make of it.
 
     Without bodies it is never called. Their velocity is the mirrored one; for several fluids it is that of the one-sided
-    Riemann problem of each, in which the wall moves at u*. One fluid that slides along a wall has the wall's own velocity
-    there, and the rate is divided by its share of a compression along the normal (theory: delta#d6); before a plane what
+    Riemann problem of each, in which the wall moves at u*. One fluid that fills its domain and slides along a wall has the
+    wall's own velocity there, and the rate is divided by its share of a compression along the normal (theory: delta#d6); before a plane what
     runs along it has no part: all that the sum has of it is how the wall's particles lie.
 
     With the corrected gradient the rate also takes out what the arrangement of all neighbours makes of a linear velocity
