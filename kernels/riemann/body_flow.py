@@ -25,8 +25,8 @@ def make_body_flow(spec: Spec) -> Any:
 
     Without bodies it is never called. Their velocity is the mirrored one; for several fluids it is that of the one-sided
     Riemann problem of each, in which the wall moves at u*. One fluid that fills its domain and slides along a wall has the
-    wall's own velocity there, and the rate is divided by its share of a compression along the normal (theory: delta#d6); before a plane what
-    runs along it has no part: all that the sum has of it is how the wall's particles lie.
+    wall's own velocity there, and the rate is divided by its share of a compression along the normal (theory: delta#d6);
+    before a plane what runs along it has no part: all that the sum has of it is how the wall's particles lie.
 
     With the corrected gradient the rate also takes out what the arrangement of all neighbours makes of a linear velocity
     without divergence, but beside walls that the fluid slides along, where velocities jump. Pressure differences are those

@@ -24,7 +24,7 @@ from warpsph.kernels.core.viscosity import make_interface_stress
 
 from .body_flow import make_body_flow, shares
 from .disorder import make_disorder_friction
-from .inertia import make_spared
+from .inertia import make_loud
 from .interface_flow import make_density_between
 from .star import make_carried, make_jump, make_star
 from .three_phases import make_parts_jump
@@ -188,7 +188,7 @@ def make_continuity(spec: Spec) -> Any:
     spray, sided = spec.free_surface and not spec.multiphase, spec.multiphase and not spec.paper_star
     (_, stress_jump), linear = make_interface_stress(spec.dimension, spec.precision), spec.bodies and spec.corrected
     (followed, remembered), uneven = make_remembered(spec), make_disorder_friction(spec)
-    with_bodies, shared, spared = make_body_flow(spec), shares(spec), make_spared(spec)
+    with_bodies, shared, loud = make_body_flow(spec), shares(spec), make_loud(spec)
 
     @wp.kernel(**pair_sweep(spec))
     def continuity(
@@ -321,7 +321,7 @@ def make_continuity(spec: Spec) -> Any:
             f = slope(r * params.inv_h) * state_j[1]
             term = wp.dot(vi - velocity[j], d)
             if wp.static(spec.dissipation):
-                dp = p_i - state_j[0] - spared(i, j, d, own.density, params, forcing, pressure_gradient, inertia)
+                dp = loud(p_i - state_j[0], i, j, d, own.density, params, forcing, pressure_gradient, inertia)
                 if wp.static(spray or damps or shared):
                     blur += f * (dp * r * inv_z)
                 else:

@@ -54,15 +54,20 @@ def make_inertia(spec: Spec) -> Any:
 
 
 @functools.cache
-def make_spared(spec: Spec) -> Any:
-    """Return the `wp.func` spared(i, j, d, ...): p_i - p_j [Pa] of a pair of one fluid without sound, d = x_i - x_j."""
+def make_loud(spec: Spec) -> Any:
+    """Return the `wp.func` loud(difference, i, j, d, ...): what sound has of p_i - p_j [Pa] of one fluid, d = x_i - x_j.
+
+    b may take no more than what gravity leaves, nor turn its sign: on crumbs of spray the acceleration is that of pressures
+    which have no gradient, and would feed them.
+    """
     real, vec, _, _ = types_of(spec)
     Params = make_params(spec.dimension, spec.precision)
     gravity_of, _ = make_forcing(spec)
     linear, inert = spec.bodies and spec.corrected, has_inertia(spec)
 
     @wp.func
-    def spared(
+    def loud(
+        difference: real,
         i: int,
         j: int,
         d: vec,
@@ -72,13 +77,14 @@ def make_spared(spec: Spec) -> Any:
         pressure_gradient: wp.array(dtype=vec),
         inertia: wp.array(dtype=vec),
     ):
-        borne = vec()
+        left = difference
         if wp.static(linear):
-            borne = real(0.5) * (pressure_gradient[i] + pressure_gradient[j])
+            left -= real(0.5) * wp.dot(pressure_gradient[i] + pressure_gradient[j], d)
         elif wp.static(spec.gravity):
-            borne = density * gravity_of(params, forcing, GRAVITY_NOW)
+            left -= density * wp.dot(gravity_of(params, forcing, GRAVITY_NOW), d)
         if wp.static(inert):
-            borne += (real(0.5) * density) * (inertia[i] + inertia[j])
-        return wp.dot(borne, d)
+            spared = (real(0.5) * density) * wp.dot(inertia[i] + inertia[j], d)
+            left -= wp.clamp(spared, wp.min(left, real(0.0)), wp.max(left, real(0.0)))
+        return left
 
-    return spared
+    return loud
