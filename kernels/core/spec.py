@@ -56,6 +56,7 @@ class Spec:
         surface_room: the same under a free surface, and thin fluid has no pressure (riemann).
         interface_force: pair force that keeps phases apart.
         dissipation: the pressure difference enters the star velocity.
+        inertia: it spares the pressure gradient that the acceleration tells, not that of gravity alone (riemann).
         acoustic_damping: compression and expansion have a viscosity of their own.
         disorder: disordered velocities have a friction that a smooth flow does not feel (riemann).
         relaxation: the pressure follows a compression in two parts, one of which fades, so that sound dies (riemann).
@@ -122,6 +123,7 @@ class Spec:
     surface_room: bool = False
     interface_force: bool = False
     dissipation: bool = True
+    inertia: bool = False
     acoustic_damping: bool = False
     disorder: bool = False
     relaxation: bool = False

@@ -18,11 +18,6 @@ from warpsph.kernels.core.time_signals import GRAVITY_NOW, make_forcing
 from warpsph.kernels.core.wall_fit import FOLLOW
 
 
-def has_inertia(spec: Spec) -> bool:
-    """One fluid with a free surface, whose pressure differences are a part of continuity."""
-    return spec.free_surface and not spec.multiphase and not spec.printed and spec.dissipation
-
-
 @functools.cache
 def make_inertia(spec: Spec) -> Any:
     """Return the `wp.func` later_inertia(before, acceleration, position, ...): b [m/s^2] a step later, f - a at first."""
@@ -63,7 +58,7 @@ def make_loud(spec: Spec) -> Any:
     real, vec, _, _ = types_of(spec)
     Params = make_params(spec.dimension, spec.precision)
     gravity_of, _ = make_forcing(spec)
-    linear, inert = spec.bodies and spec.corrected, has_inertia(spec)
+    linear = spec.bodies and spec.corrected
 
     @wp.func
     def loud(
@@ -82,7 +77,7 @@ def make_loud(spec: Spec) -> Any:
             left -= real(0.5) * wp.dot(pressure_gradient[i] + pressure_gradient[j], d)
         elif wp.static(spec.gravity):
             left -= density * wp.dot(gravity_of(params, forcing, GRAVITY_NOW), d)
-        if wp.static(inert):
+        if wp.static(spec.inertia):
             spared = (real(0.5) * density) * wp.dot(inertia[i] + inertia[j], d)
             left -= wp.clamp(spared, wp.min(left, real(0.0)), wp.max(left, real(0.0)))
         return left

@@ -17,7 +17,7 @@ from warpsph.kernels.core.fields import FLUID, NOBODY
 from warpsph.kernels.core.params import LEAST_DENSITY, make_params, make_phase
 from warpsph.kernels.core.spec import Spec, types_of
 
-from .inertia import has_inertia, make_inertia
+from .inertia import make_inertia
 
 
 @functools.cache
@@ -25,7 +25,7 @@ def make_kick_drift(spec: Spec) -> Any:
     """Return the kernel that moves the fluid particles and watches speed, way and faults."""
     real, vec, _, pair = types_of(spec)
     Params, Phase = make_params(spec.dimension, spec.precision), make_phase(spec.precision)
-    later_inertia, inert = make_inertia(spec), has_inertia(spec)
+    later_inertia = make_inertia(spec)
 
     @wp.kernel(module="unique", enable_backward=False)
     def kick_drift(
@@ -61,7 +61,7 @@ def make_kick_drift(spec: Spec) -> Any:
         if wp.static(spec.momentum_constraint):
             for axis in range(wp.static(spec.dimension)):
                 v[axis] += real(clock[DRIFT_VELOCITY + axis])
-        if wp.static(inert):
+        if wp.static(spec.inertia):
             inertia[i] = later_inertia(inertia[i], acceleration[i], position[i], params, phases[0], forcing, clock)
         v_step = v
         drift = v
@@ -70,7 +70,7 @@ def make_kick_drift(spec: Spec) -> Any:
                 # a buffer moves across its side alone, so that its rows stay whole
                 drift = vec()
                 drift[wp.static(max(spec.open_axis, 0))] = row_speed[i]
-                if wp.static(inert):
+                if wp.static(spec.inertia):
                     inertia[i] = vec()  # what stood in its row before is another's
         way = offset[i] + drift * real(clock[STEP])
         if wp.static(spec.shifting):

@@ -3,8 +3,6 @@
 from warpsph.kernels.core.fields import COMMON, FLOW, Field, always, bodies, walls
 from warpsph.kernels.core.spec import Spec
 
-from .inertia import has_inertia
-
 
 def _interface(spec: Spec) -> bool:
     return spec.interface
@@ -54,6 +52,10 @@ def _viscous_jump(spec: Spec) -> bool:
     return spec.viscous_jump
 
 
+def _inertia(spec: Spec) -> bool:
+    return spec.inertia
+
+
 def _surface_room(spec: Spec) -> bool:
     return spec.surface_room
 
@@ -64,7 +66,7 @@ RIEMANN_FIELDS: tuple[Field, ...] = (
     Field("midway", "vec", "fluid", False, always, "m", "position in the middle of the step, for the continuity sweep"),
     Field("state_old", "pair", "fluid", False, always, "Pa, m^d", "state before the continuity sweep"),
     Field("settled", "real", "fluid", True, _relaxing, "Pa", "pressure of the density, late by the time of relaxation"),
-    Field("inertia", "vec", "fluid", True, has_inertia, "m/s^2", "pressure gradient over density less gravity, followed"),
+    Field("inertia", "vec", "fluid", True, _inertia, "m/s^2", "pressure gradient over density less gravity, followed"),
     Field("wall_impact", "real", "fluid", True, walls, "Pa", "what a wall adds to the pressure of an impact"),
     Field("pressure_gradient", "vec", "fluid", True, _bodies_corrected, "Pa/m", "of the own phase"),
     Field("rate_odd", "vec", "fluid", False, _staged, "m/s^2", "y of the odd stages of friction"),

@@ -33,7 +33,7 @@ def test_a_drop_that_falls_bears_no_pressure(forces: dict) -> None:
             "domain": {"lower": [0, 0], "upper": [1, 2.5], "boundary": sides},
             "phases": {"water": {"density": 1000}},
             "fluids": [{"phase": "water", "shape": {"sphere": {"center": [0.5, 2.0], "radius": 0.2}}}],
-            "numerics": {"scheme": "riemann"},
+            "numerics": {"scheme": "riemann", "spared_gradient": "acceleration"},
             **forces,
         }
     )
@@ -51,10 +51,31 @@ def test_the_pressure_of_a_ring_that_turns_is_that_of_a_paraboloid() -> None:
     """
     errors = []
     for spacing in (0.02, 0.01):
-        changes = [f"particle_spacing={spacing}", "numerics.scheme=riemann", "output.particles=none", "reference={}"]
+        changes = [f"particle_spacing={spacing}", "numerics.scheme=riemann", "reference={}"]
+        changes += ["numerics.spared_gradient=acceleration", "output.particles=none"]
         model = model_of(warpsph.load_case(RING, changes))
         model.stepper.run(0.5, 10**6)
         fluid = model.snapshot().fluid
         exact = 2000 * np.pi**2 * ((fluid.position**2).sum(axis=1) - 0.09)
         errors.append(np.sqrt(((fluid.pressure - exact) ** 2).sum() / (exact**2).sum()))
     assert max(errors) < 0.05
+
+
+@pytest.mark.parametrize("changes", [{"domain.boundary.y": "wall"}, {"phases.oil": {"density": 800}}], ids=["full", "two"])
+def test_what_it_is_not_for_is_refused(changes: dict) -> None:
+    """A domain without a free surface, and several fluids: the key, the value, the rule and the remedy."""
+    water = {"phase": "water", "shape": "rest"}
+    case = {
+        "dimension": 2,
+        "particle_spacing": 0.1,
+        "end_time": 1,
+        "domain": {"lower": [0, 0], "upper": [1, 1], "boundary": {"x": "wall", "y": {"lower": "wall", "upper": "open"}}},
+        "phases": {"water": {"density": 1000}},
+        "fluids": [water],
+        "numerics": {"scheme": "riemann", "spared_gradient": "acceleration"},
+    }
+    if "phases.oil" in changes:
+        oil = {"phase": "oil", "shape": {"box": {"lower": [0, 0], "upper": [0.5, 1]}}}
+        changes = {**changes, "fluids": [oil, water]}
+    with pytest.raises(warpsph.CaseError, match="numerics.spared_gradient.*acceleration.*free surface.*gravity"):
+        Model(warpsph.load_case(case).replace(changes), threads=1)

@@ -20,6 +20,7 @@ PRINTED_VALUES: dict[str, Any] = {
     "acoustic_damping": 0,
     "acoustic_relaxation": 0,
     "disorder_friction": 0,
+    "spared_gradient": "gravity",
 }
 
 

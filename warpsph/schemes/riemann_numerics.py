@@ -107,6 +107,12 @@ class RiemannNumerics(NumericsBase):
         "the sound of the start has died to 1 %, none where acoustic_relaxation is given",
         examples=["0.5", "none"],
     )
+    spared_gradient: Annotated[Literal["auto", "gravity", "acceleration"], ChoiceRule()] = Field(
+        default="auto",
+        description="pressure gradient that dissipation spares: gravity's, or that which the acceleration tells too, for "
+        "one fluid with a free surface that turns, falls or is shaken; violent splashes may diverge. auto: gravity",
+        examples=["acceleration"],
+    )
     velocity_dissipation: Annotated[float | Auto, NumberRule(least=0, most=10, auto=True)] = Field(
         default="auto",
         description="factor on the pressure-difference term of the star velocity",

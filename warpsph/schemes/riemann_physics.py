@@ -146,6 +146,10 @@ def derive(case: Case, geometry: Geometry, row_list: bool = True) -> Physics:
         "a perfect lattice is no start for the corrected gradient" if locked else "not needed",
     )
     dissipation = choose("velocity_dissipation", 1.0, "Riemann problem")
+    spared = choose("spared_gradient", "gravity", "splashes are quieter")
+    if spared == "acceleration" and (filled or len(phases) > 1):
+        rule = "is for one fluid with a free surface"
+        raise CaseError([Problem("numerics.spared_gradient", spared, rule, "write auto or gravity")])
     ringing = case.has_flow_through and corrected
     reason = "sound of a start between inlets and outlets dies out" if ringing else "not needed"
     damping = choose("acoustic_damping", DAMPING if ringing else 0.0, reason)
@@ -230,6 +234,7 @@ def derive(case: Case, geometry: Geometry, row_list: bool = True) -> Physics:
         momentum_axes=momentum_axes(case) if corrected and not sticky and not angles else (),
         interface_force=float(zeta) > 0 and len(phases) > 1,
         dissipation=float(dissipation) > 0,
+        inertia=spared == "acceleration" and float(dissipation) > 0,
         acoustic_damping=float(damping) > 0,
         disorder=float(disorder) > 0,
         relaxation=relaxed > 0,

@@ -268,6 +268,8 @@ def absent(spec: Spec) -> list[Absent]:
         rows.append(Absent("acoustic damping", "numerics.acoustic_damping is 0"))
     if not spec.disorder:
         rows.append(Absent("friction of disorder", "numerics.disorder_friction is 0"))
+    if not spec.inertia:
+        rows.append(Absent("inertia", "numerics.spared_gradient is gravity"))
     if not spec.relaxation:
         rows.append(Absent("relaxation", "numerics.acoustic_relaxation is 0"))
     if not spec.shifting:
