@@ -207,6 +207,7 @@ def _structure(case: Case, found: Count, row_list: bool) -> Spec:
         paper_star=paper and several,
         shifting=shifting,
         disorder=not paper and (disorder == "auto" or float(disorder) > 0),
+        inertia=getattr(case.numerics, "spared_gradient", "auto") == "acceleration",
         scheme=case.numerics.scheme,
         budget=any(gauge.type == "budget" for gauge in case.gauges.values()),
         changing=case.has_flow_through,
