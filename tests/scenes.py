@@ -39,6 +39,18 @@ LEAN: dict[str, Any] = {
     "numerics": {"skin": 0.3, "pressure_gradient": "conservative", "disorder_friction": 0},
 }
 
+# Half a wave of sound to and fro between two walls without friction, 20 spacings: one of the domain, one of a body.
+SOUND: dict[str, Any] = {
+    "dimension": 2,
+    "particle_spacing": 0.05,
+    "end_time": 10,
+    "domain": {"lower": [0, -1], "upper": [0.5, 1], "boundary": {"x": "periodic", "y": "free_slip"}},
+    "phases": {"water": {"density": 1, "sound_speed": 10}},
+    "fluids": [{"phase": "water", "shape": "rest"}],
+    "bodies": {"floor": {"shape": {"box": {"lower": [-1, -2], "upper": [2, 0]}}, "wall": "free_slip"}},
+    "start": {"pressure": "0.1*cos(pi*y)"},
+}
+
 # A drop in a box: two phases, tension, walls, gravity, viscosity, corrected gradient, shift.
 FULL: dict[str, Any] = {
     "title": "drop in a box",

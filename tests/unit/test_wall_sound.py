@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from tests.scenes import SOUND
 from warpsph.case.case import Case
 from warpsph.kernels.core import clock as ck
 from warpsph.running.model import Model
@@ -60,21 +61,7 @@ def energy(fluid, sound):
 
 def test_sound_between_two_walls_dies_out(device):
     """Half a wave to and fro, 20 spacings: velocities of walls that lag by a step, or slopes that do not, make it grow."""
-    model = made(
-        Case.from_dict(
-            {
-                "dimension": 2,
-                "particle_spacing": 0.05,
-                "end_time": 10,
-                "domain": {"lower": [0, -1], "upper": [0.5, 1], "boundary": {"x": "periodic", "y": "free_slip"}},
-                "phases": {"water": {"density": 1, "sound_speed": 10}},
-                "fluids": [{"phase": "water", "shape": "rest"}],
-                "bodies": {"floor": {"shape": {"box": {"lower": [-1, -2], "upper": [2, 0]}}, "wall": "free_slip"}},
-                "start": {"pressure": "0.1*cos(pi*y)"},
-            }
-        ),
-        device,
-    )
+    model = made(Case.from_dict(SOUND), device)
     first, second = (energy(at(model, time), 10.0) for time in (0.001, 1.0))
     assert 0.8 * first < second < 0.95 * first
 

@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 
 import warpsph
+from tests.scenes import SOUND
 from warpsph.running.model import Model
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -69,19 +70,7 @@ def test_what_enters_a_venturi_leaves_it(scheme: str) -> None:
 
 def test_sound_between_walls_without_friction_stays() -> None:
     """Half a wave to and fro, 20 spacings, five passages: without its share the rate took two thirds of the energy."""
-    case = warpsph.load_case(
-        {
-            "dimension": 2,
-            "particle_spacing": 0.05,
-            "end_time": 2,
-            "domain": {"lower": [0, -1], "upper": [0.5, 1], "boundary": {"x": "periodic", "y": "free_slip"}},
-            "phases": {"water": {"density": 1, "sound_speed": 10}},
-            "fluids": [{"phase": "water", "shape": "rest"}],
-            "bodies": {"floor": {"shape": {"box": {"lower": [-1, -2], "upper": [2, 0]}}, "wall": "free_slip"}},
-            "start": {"pressure": "0.1*cos(pi*y)"},
-            "numerics": {"scheme": "delta_plus"},
-        }
-    )
+    case = warpsph.load_case({**SOUND, "numerics": {"scheme": "delta_plus"}})
     model = Model(case, threads=1)
     model.stepper.prepare(fresh=True)
     energies = []
