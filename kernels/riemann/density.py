@@ -147,7 +147,8 @@ def make_remembered(spec: Spec) -> tuple[Any, Any]:
 
     followed: rate [1/s] at which the density follows the room of the particles; remembered: the density excess without what
     spray remembers. With hardly a fluid neighbour (`crowd`, d inside a fluid) a density below rest is memory, not tension,
-    and would draw spray into walls; what thin fluid away from walls was pressed to would keep it apart as it does a gas.
+    and would draw spray into walls; in thin fluid away from walls any is: what it was pressed to would keep it apart as it
+    does a gas, a tension would draw it together.
     """
     real = types_of(spec).real
     spray, roomy = spec.free_surface and not spec.multiphase, spec.surface_room
@@ -166,7 +167,7 @@ def make_remembered(spec: Spec) -> tuple[Any, Any]:
                 result = wp.max(result, real(0.0))
         if wp.static(roomy):
             if thin[i] != wp.int8(0):
-                result = wp.min(result, real(0.0))
+                result = real(0.0)
         return result
 
     return followed, remembered

@@ -5,8 +5,8 @@ Every few steps two sweeps say, for each particle, at which rate the continuity 
 
     ds_i/dt += (1+s_i) b |D| E_i,   E_i = sum_j V_j (1 - r^2/R^2)^4 / integral - 1
 
-where the neighbourhood is full, |D| the shear rate; and whether it is in fluid that is thinner than the kernel reaches, away
-from walls. That has no pressure.
+where the neighbourhood is full, elsewhere where E_i > 0 alone, |D| the shear rate; and whether it is in fluid that is thinner
+than the kernel reaches, away from walls. That has no pressure.
 """
 
 import functools
@@ -91,7 +91,7 @@ def make_surface_room(spec: Spec) -> Any:
 
 @functools.cache
 def make_thin(spec: Spec) -> Any:
-    """Return the sweep that marks particles of thin fluid, and leaves the rate of density to full neighbourhoods."""
+    """Return the sweep that marks particles of thin fluid, and leaves a fall of density to full neighbourhoods."""
     real, vec, _, _ = types_of(spec)
     Params = make_params(spec.dimension, spec.precision)
     separation, support = separation_of(spec), KERNELS[spec.kernel].support
@@ -131,8 +131,8 @@ def make_thin(spec: Spec) -> Any:
                 while k < end and alone:
                     alone = wp.length(separation(x, position[neighbour(neighbours, i, k)], True, params)) >= reach
                     k += step
-        if not full:
-            room_part[i] = real(0.0)
+        if not full:  # what a neighbourhood lacks would count as room; it can have too many particles all the same
+            room_part[i] = wp.max(room_part[i], real(0.0))
         thin[i] = wp.int8(wp.where(alone, 1, 0))
 
     return mark_thin
