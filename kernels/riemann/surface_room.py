@@ -5,8 +5,8 @@ Every few steps two sweeps say, for each particle, at which rate the continuity 
 
     ds_i/dt += (1+s_i) b |D| E_i,   E_i = sum_j V_j (1 - r^2/R^2)^4 / integral - 1
 
-where the neighbourhood is full, elsewhere where E_i > 0 alone, |D| the shear rate; and whether it is in fluid that is thinner
-than the kernel reaches, away from walls. That has no pressure.
+where the neighbourhood is full, elsewhere where E_i > 0 alone, |D| the shear rate; and whether it is in fluid that is
+thinner than the kernel reaches, away from walls. That has no pressure.
 """
 
 import functools

@@ -8,19 +8,25 @@ import pytest
 
 from warpsph.case.case import Case
 from warpsph.kernels.core import clock as ck
+from warpsph.kernels.core.eigenvalue import WHOLE
 from warpsph.running.model import Model
 
-SCRIPT = Path(__file__).resolve().parents[2] / "scripts" / "sloshing_volume.py"
+ROOT = Path(__file__).resolve().parents[2]
 SPACING = 0.05
 PRESSED = 0.002  # density excess of what is looked at
 
 
-@pytest.fixture(scope="module")
-def sloshing():
-    spec = importlib.util.spec_from_file_location("sloshing_volume", SCRIPT)
+def script(name):
+    """The module of a script."""
+    spec = importlib.util.spec_from_file_location(name, ROOT / "scripts" / f"{name}.py")
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module
+
+
+@pytest.fixture(scope="module")
+def sloshing():
+    return script("sloshing_volume")
 
 
 @pytest.mark.parametrize(("scheme", "most"), [("riemann", 1.06), ("delta_plus", 1.15)])
@@ -81,6 +87,13 @@ def test_thin_fluid_has_no_pressure(scheme, dimension):
     assert (excess_after_a_step(block(scheme, dimension, 2, room_rate=0)) > 0.5 * PRESSED).any()
 
 
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_thin_fluid_has_no_tension_either(dimension):
+    """A density below rest would draw the sheet together: it is forgotten at once, where room is looked at."""
+    assert (excess_after_a_step(block("riemann", dimension, 2), excess=-PRESSED) == 0).all()
+    assert (excess_after_a_step(block("riemann", dimension, 2, room_rate=0), excess=-PRESSED) < -0.5 * PRESSED).any()
+
+
 @pytest.mark.parametrize("scheme", ["riemann", "delta_plus"])
 def test_spray_far_apart_has_no_pressure(scheme):
     """Twelve rows at 1.7 spacings from each other are a third of the fluid that their densities say."""
@@ -113,3 +126,30 @@ def test_density_follows_the_room_of_strained_fluid():
     assert change[0] == pytest.approx(0.0, abs=1e-6)
     assert change[1] == pytest.approx(expected[1], rel=0.02)
     assert change[2] == pytest.approx(0.0, abs=1e-6)
+
+
+@pytest.mark.parametrize("apart", [0.85, 1.05])
+def test_a_crowd_is_one_whatever_its_neighbourhood_lacks(apart):
+    """What is missing beside a surface lowers the sum of the room: one too large is a crowd, one too small says nothing."""
+    model = block("riemann", 2, 12)
+    place = model.particles.get("position")[:, :]
+    model.particles.put("velocity", np.stack([5.0 * place[:, 1], np.zeros(len(place))], axis=1))
+    excess_after_a_step(model, excess=0.0, apart=apart)
+    place, rate = model.particles.get("position"), model.particles.get("room_part")
+    near = np.linalg.norm(place[:, None] - place[None], axis=2)
+    reach = model.physics.support
+    full = ((near >= reach) | (model.particles.get("wholeness") >= WHOLE)[None]).all(axis=1)
+    window = np.maximum(1.0 - (near / reach) ** 2, 0.0) ** 4
+    room = (window @ model.particles.get("state")[:, 1]) / (np.pi * reach**2 / 5) - 1.0  # the integral of the window in 2-D
+    assert full.any() and (room[~full] < -0.1).any() and (apart > 1 or (room[~full] > 0.1).any())
+    assert (rate[~full & (room < -0.02)] == 0).all()
+    assert (rate[full] * np.sign(room[full]) > 0).all()
+    assert (rate[room > 0.02] > 0).all()
+
+
+@pytest.mark.slow
+def test_a_splash_in_three_dimensions_leaves_no_crowds():
+    """With 11 spacings a height, to 1.5 s: no particle has 1.3 times the neighbours of a lattice; two had before."""
+    crowds = script("crowds")
+    row = crowds.run(ROOT / "cases" / "dam_break_block.yaml", ["particle_spacing=0.55/11"], 1.5, "cpu", 1)
+    assert row["diverged"] is None and row["crowded"] == [0, 0, 0]
