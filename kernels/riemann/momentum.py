@@ -42,6 +42,7 @@ from warpsph.kernels.core.viscosity import make_interface_stress, make_series_me
 
 from .disorder import UNKNOWN, make_disorder_speed
 from .interface_flow import make_density_between
+from .room import make_window
 from .star import make_jump, make_one_sided, make_star
 from .three_phases import make_parts_jump
 from .touch import make_touch
@@ -81,15 +82,9 @@ def make_momentum(spec: Spec) -> Any:
     dimension = float(spec.dimension)
     sided = spec.multiphase and not spec.paper_star
     kinked = sided and spec.corrected  # its gradients see where the interface cuts a pair
-    speed_of_disorder = make_disorder_speed(spec)
+    speed_of_disorder, window = make_disorder_speed(spec), make_window(spec.precision)
     series_mean = make_series_mean(spec.precision)
     stress_traction, stress_jump = make_interface_stress(spec.dimension, spec.precision)
-
-    @wp.func
-    def window(r2: real, inv_window: real):
-        inside = wp.max(real(1.0) - r2 * inv_window, real(0.0))
-        square = inside * inside
-        return square * square
 
     # of what it sums, vectors and matrices in 3-D and numbers in float64 take more registers
     @wp.kernel(**pair_sweep(spec, 4 - (spec.dimension > 2) - (spec.precision == "float64")))

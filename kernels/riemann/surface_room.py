@@ -21,6 +21,8 @@ from warpsph.kernels.core.params import make_params
 from warpsph.kernels.core.smoothing import KERNELS, make_smoothing
 from warpsph.kernels.core.spec import Spec, types_of
 
+from .room import make_window
+
 
 @functools.cache
 def make_surface_room(spec: Spec) -> Any:
@@ -29,12 +31,8 @@ def make_surface_room(spec: Spec) -> Any:
     Params = make_params(spec.dimension, spec.precision)
     _, slope = make_smoothing(spec.kernel, spec.precision)
     separation, least_eigenvalue = separation_of(spec), make_least_eigenvalue(spec.dimension, spec.precision)
+    window = make_window(spec.precision)
     list_begin, list_step, neighbour, Listed = list_access(spec)
-
-    @wp.func
-    def window(r2: real, params: Params):
-        inside = wp.max(real(1.0) - r2 * params.inv_window, real(0.0))
-        return inside * inside * inside * inside
 
     @wp.kernel(module="unique", enable_backward=False)
     def surface_room(
@@ -68,7 +66,7 @@ def make_surface_room(spec: Spec) -> Any:
             fd = (slope(wp.sqrt(r2) * params.inv_h) * state[j][1]) * d
             moment -= wp.outer(d, fd)
             flow += wp.outer(velocity[j] - v, fd)
-            room += window(r2, params) * state[j][1]
+            room += window(r2, params.inv_window) * state[j][1]
         if wp.static(spec.walls):
             end += int(wall_neighbours[i]) * step
             while k < end:
@@ -80,7 +78,7 @@ def make_surface_room(spec: Spec) -> Any:
                 if wp.static(spec.bodies):
                     volume = boundary_volume[j - fluid_count]
                 moment -= wp.outer(d, (slope(wp.sqrt(r2) * params.inv_h) * volume) * d)
-                room += window(r2, params) * volume
+                room += window(r2, params.inv_window) * volume
         wholeness[i] = least_eigenvalue(moment * params.g_norm)
         strain = (flow + wp.transpose(flow)) * real(wp.static(math.sqrt(0.5)))  # a body of fluid that turns is not strained
         pace = wp.sqrt(wp.ddot(strain, strain)) * params.g_norm

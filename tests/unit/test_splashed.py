@@ -31,12 +31,20 @@ def sloshing():
 
 @pytest.mark.parametrize(("scheme", "most"), [("riemann", 1.06), ("delta_plus", 1.15)])
 def test_water_that_has_splashed_keeps_its_volume(sloshing, scheme, most):
-    """With 20 spacings a height; a row of disordered particles more or less is 5 %. Without: 1.09, and 1.22 as a gas."""
-    row = sloshing.run((scheme, 20, (20.0,), (), 2))
-    assert row["diverged"] is None
-    assert 0.95 < row["samples"][0]["volume"] < most
-    without = sloshing.run((scheme, 20, (20.0,), ("numerics.room_rate=0",), 2))
-    assert without["samples"][0]["volume"] > row["samples"][0]["volume"] + 0.03
+    """With 20 spacings a height; a row of disordered particles more or less is 5 %. Without: 1.10, and 1.22 as a gas.
+
+    A mean of three Courant numbers: single runs of the Riemann scheme have 1.043 to 1.059.
+    """
+    means = []
+    for key in ("precision=float32", "numerics.room_rate=0"):
+        volumes = []
+        for courant in (0.35, 0.4, 0.45):
+            row = sloshing.run((scheme, 20, (20.0,), (f"numerics.courant={courant}", key), 2))
+            assert row["diverged"] is None
+            volumes.append(row["samples"][0]["volume"])
+        means.append(np.mean(volumes))
+    assert 0.95 < means[0] < most
+    assert means[1] > means[0] + 0.03
 
 
 def block(scheme, dimension, rows, floor=False, room_rate=None, across=12):
