@@ -6,7 +6,8 @@
 80 times a run, for each particle of the fluid, the particles within 1.5 spacings of it are counted, itself among them: a
 lattice has 9 (2-D) or 19 (3-D). The table gives, summed over the samples, particles with more than 1.3, 1.6 and 2 times
 that; how many of those with 1.6 are in thin fluid (Riemann scheme); the largest count; the range of the density excess and
-the largest speed. A run that diverges is told, and its samples up to there are counted. Exit code 1 if one does.
+the largest speed. A run that diverges is told, and its samples up to there are counted. Exit code 1 if one does, 2 if the
+case is wrong or has one dimension.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from warpsph.case.case_file import load_case
-from warpsph.errors import WarpsphError
+from warpsph.errors import CaseError, Problem, WarpsphError
 from warpsph.running.model import Model
 from warpsph.study.provenance import provenance
 
@@ -40,6 +41,8 @@ def counts_of(position: np.ndarray, spacing: float) -> np.ndarray:
 def run(path: Path, changes: list[str], end: float | None, device: str, threads: int) -> dict[str, Any]:
     """Return the row of a case with changes KEY=VALUE."""
     case = load_case(path, [*LEFT_OUT, *changes])
+    if case.dimension not in LATTICE:
+        raise CaseError([Problem("dimension", case.dimension, "crowds are counted in 2-D and 3-D", "take such a case")])
     model = Model(case, device=device, threads=threads)
     model.stepper.prepare(fresh=True)
     lattice, spacing, particles = LATTICE[case.dimension], float(case.particle_spacing), model.particles
@@ -78,7 +81,10 @@ def main() -> int:
     print("| variant | particles | over 1.3, 1.6, 2 of a lattice | of these thin | most | density excess | speed |")
     print("|---|---|---|---|---|---|---|")
     for variant in options.variant or [""]:
-        row = run(options.case, [*options.changes, *variant.split()], options.end, options.device, options.threads)
+        try:
+            row = run(options.case, [*options.changes, *variant.split()], options.end, options.device, options.threads)
+        except CaseError as error:
+            parser.error(str(error))
         data["rows"][variant] = row
         crowded = ", ".join(str(count) for count in row["crowded"])
         cells = [variant or "as it is", row["particles"], crowded, row["thin"], row["most"]]
