@@ -41,7 +41,8 @@ class Spec:
         tension: "none", "pressure_jump" or "body_force".
         kinked: weights bend the pressure between fluids by their depths, and these by the curvature (riemann).
         triple: three phases with tensions between them, whose interfaces may meet.
-        contact_angle: interfaces meet walls at given angles.
+        contact_angle: interfaces meet walls at angles that are given, or 90 degrees.
+        leaning: some of these angles are not 90 degrees.
         interface: interface normals are evaluated: in every step where `curved`, else where a gauge asks for them.
         corrected: corrected ("minus") pressure gradient instead of the conservative ("plus") one.
         paper_star: arithmetic star states of the printed scheme at interfaces.
@@ -109,6 +110,7 @@ class Spec:
     kinked: bool = False
     triple: bool = False
     contact_angle: bool = False
+    leaning: bool = False
     interface: bool = False
     corrected: bool = False
     paper_star: bool = False

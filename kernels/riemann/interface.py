@@ -68,7 +68,7 @@ def make_fraction(spec: Spec) -> Any:
             return
         if (int(flags[i]) & NEAR) == 0:
             fraction[i] = real(1.0)
-            if wp.static(spec.contact_angle):
+            if wp.static(spec.leaning):
                 contact_cosine[i] = real(0.0)
             return
         xi = position[i]
@@ -88,11 +88,11 @@ def make_fraction(spec: Spec) -> Any:
                 same += w
             else:
                 other += w
-                if wp.static(spec.contact_angle):
+                if wp.static(spec.leaning):
                     cosine += w * contact_angles[int(own) * phases.shape[0] + int(phase[j])]
         # exactly 1 without another phase in reach, which same/(same + other) is not by the quick division of a GPU
         fraction[i] = real(1.0) - other / (same + other)
-        if wp.static(spec.contact_angle):
+        if wp.static(spec.leaning):
             contact_cosine[i] = cosine / wp.max(other, real(1.0e-30))
 
     return own_fraction

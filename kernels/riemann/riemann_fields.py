@@ -24,8 +24,8 @@ def _triple(spec: Spec) -> bool:
     return spec.triple
 
 
-def _contact(spec: Spec) -> bool:
-    return spec.contact_angle
+def _leaning(spec: Spec) -> bool:
+    return spec.leaning and not spec.triple
 
 
 def _bodies_corrected(spec: Spec) -> bool:
@@ -82,7 +82,7 @@ RIEMANN_FIELDS: tuple[Field, ...] = (
     Field("room_part", "real", "fluid", True, _surface_room, "1/s", "rate at which the density follows the room"),
     Field("thin", "int8", "fluid", True, _surface_room, "-", "1 in fluid thinner than the kernel reaches, away from walls"),
     Field("fraction", "real", "fluid", False, _interface, "-", "share of the own phase around a particle"),
-    Field("contact_cosine", "real", "fluid", False, _contact, "-", "of the contact angle of its own phase"),
+    Field("contact_cosine", "real", "fluid", False, _leaning, "-", "of the contact angle of its own phase"),
     Field("normal", "vec", "fluid", True, _interface, "1/m", "gradient of the own phase's share"),
     Field("interface_weight", "curved", "fluid", True, _interface, "-", "(|normal| h)^2, zero away from interfaces"),
     Field("curvature", "curved", "fluid", True, _curved, "1/m", "of the interface, positive if the own phase is convex"),

@@ -36,6 +36,7 @@ STAGES = {
     "walls": ["wall_state"],
     "sound of tension": ["relaxation"],
     "tension": ["own_fraction", "colour_normal", "curvature", "mean_curvature", "sharp_curvature"],
+    "contact angle": ["contact_normal"],
     "volume constraint": ["volume", "volume_fold", "volume_close"],
 }
 KERNELS = {
@@ -44,6 +45,7 @@ KERNELS = {
     "walls": {"wall_state"},
     "sound of tension": {"relaxation"},
     "tension": {"own_fraction", "colour_normal", "interface_curvature", "evened_curvature", "mark_band", "gather_band"},
+    "contact angle": {"contact_normal"},
     "volume constraint": {"sum_volume", "fold_volume", "close_volume"},
 }
 
@@ -122,20 +124,20 @@ def test_leanest_against_fullest(kernels):
             "tension",
             {"surface_tension": []},
             ["sound of tension"],
-            ["sound of tension"],
+            ["sound of tension", "contact angle"],
         ),
         (
             # the curvature is for the tension, and for depths where weights differ
             "tension and weight",
             {"surface_tension": [], "gravity": [0, 0]},
             ["tension", "sound of tension", "interface band"],
-            ["sound of tension", "tension"],
+            ["sound of tension", "tension", "contact angle"],
         ),
         (
             "tension and densities",
             {"surface_tension": [], "phases.gas.density": 100},
             ["tension", "sound of tension", "interface band"],
-            ["sound of tension", "tension"],
+            ["sound of tension", "tension", "contact angle"],
         ),
         (
             "viscosity",
@@ -157,7 +159,7 @@ def test_leanest_against_fullest(kernels):
             "walls",
             {"domain.boundary": {"x": "periodic", "y": "periodic"}, "gravity": [0, 0]},
             ["walls", "friction on walls"],
-            ["walls", "volume constraint"],  # in a periodic box the volume is summed up with the momentum
+            ["walls", "contact angle", "volume constraint"],  # in a periodic box the volume is summed up with the momentum
         ),
     ],
 )
@@ -168,7 +170,9 @@ def test_one_piece_less(physics, changes, fields, stages):
     gone = set(full["structure"]["fields"]) - set(less["structure"]["fields"])
     assert gone == {field for name in fields for field in FIELDS[name]}
     names = [[stage["name"] for stage in plan["stages"]] for plan in (full, less)]
-    assert [name for name in names[0] if name not in names[1]] == [stage for name in stages for stage in STAGES[name]]
+    assert set(names[0]) - set(names[1]) == {stage for name in stages for stage in STAGES[name]}
+    kept = set(names[0]) & set(names[1])
+    assert [name for name in names[0] if name in kept] == [name for name in names[1] if name in kept]
     # what `show` tells is what runs
     model = Simulation(case_of(FULL).replace(changes), threads=1).model
     assert [name for _, name, _ in lines(model.stepper.program.step)] == names[1]

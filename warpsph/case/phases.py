@@ -47,7 +47,7 @@ class SurfaceTension(CaseModel):
     contact_angle: Annotated[float | None, NumberRule(above=0, below=180, none=True)] = Field(
         default=None,
         description="contact angle: between a wall and the interface that meets it, inside the first-named phase, degrees "
-        "(default none: 90 where another pair has one, else walls take no part)",
+        "(default none: 90; in the printed form walls take no part)",
         examples=["60"],
     )
 

@@ -23,7 +23,7 @@ from warpsph.scene.body_surfaces import surface_of
 from warpsph.scene.lattice import Lattice, make_lattice
 from warpsph.scene.masks import inside
 from warpsph.scene.open_faces import buffer_layers, open_axis, open_sides
-from warpsph.scene.physics import support_radius
+from warpsph.scene.physics import contact_matrix, support_radius
 from warpsph.scene.surfaces import ShapeError, Surface
 
 if TYPE_CHECKING:
@@ -202,7 +202,7 @@ def _structure(case: Case, found: Count, row_list: bool) -> Spec:
         wall_no_slip=viscous and found.walls > 0,
         tension="pressure_jump" if tension else "none",
         triple=tension and len(case.phases) == 3,
-        contact_angle=tension and any(pair.contact_angle is not None for pair in case.surface_tension),
+        leaning=tension and found.walls > 0 and bool(np.any(contact_matrix(case) != 0)),
         interface=several and (tension or measured),
         paper_star=paper and several,
         shifting=shifting,

@@ -85,7 +85,7 @@ def check_fit(model: Model, state: Mapping[str, np.ndarray], attributes: Mapping
         if balanced != model.physics.spec.triple:
             rule = (
                 f"the checkpoint is of a run {'with' if balanced else 'without'} a balance of tensions where three fluids "
-                "meet, which runs of three fluids have if two pairs or more have a tension and none a contact_angle"
+                "meet, which runs of three fluids have if two pairs or more have a tension"
             )
             problems.append(Problem("surface_tension", model.case.to_dict()["surface_tension"], rule, SAME_CASE))
     if problems:

@@ -55,7 +55,6 @@ def narrow_places(
     if len(case.phases) > 1:
         lines += _thin_layers(case, lattice, region, phases[region], rows)
         lines += _low_drops(case, lattice, region, phases[region], rows)
-        lines += _without_angle(case, lattice, phases[region], solid)
     return lines
 
 
@@ -122,25 +121,6 @@ def _thin_layers(
                 f"particles), fewer than the {rows} that the smoothing kernel reaches, so that its two sides are not told "
                 f"apart; lower particle_spacing to {case.spacing * most / rows:.2g}, or make it thicker"
             )
-
-
-def _without_angle(case: Case, lattice: Lattice, phase: NDArray[np.int32], solid: Mask | None) -> Iterator[str]:
-    """Say where an interface with a tension first meets a wall at the start, where no pair has a contact angle."""
-    if any(pair.contact_angle is not None for pair in case.surface_tension):
-        return
-    beside = beside_solid(case, solid, phase.shape)
-    for number, pair in enumerate(case.surface_tension):
-        a, b = (beside & (phase == case.phase_names.index(name)) for name in pair.between)
-        met = a & spread(b, case.periodic, np.logical_or)
-        if pair.coefficient > 0 and met.any():
-            place = cell_text(lattice.axes(domain_only=True), np.argwhere(met)[0])
-            triple = "; points at which three fluids meet are out of balance then" if len(case.phases) > 2 else ""
-            yield (
-                f"surface_tension.{number}.contact_angle: {' and '.join(pair.between)} meet a wall at {place}, and no pair "
-                "has an angle: what the tension leaves there drives fluid along the wall, some ten times as fast as with 90 "
-                f"degrees; write contact_angle: 90 if nothing else is known{triple}"
-            )
-            return
 
 
 def _low_drops(

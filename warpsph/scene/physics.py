@@ -180,7 +180,7 @@ def contact_matrix(case: Case) -> np.ndarray:
     for pair in case.surface_tension:
         if pair.contact_angle is not None:
             a, b = (names.index(name) for name in pair.between)
-            matrix[a, b] = math.cos(math.radians(pair.contact_angle))
+            matrix[a, b] = math.sin(math.radians(90.0 - pair.contact_angle))  # exactly 0 at 90
             matrix[b, a] = -matrix[a, b]
     return matrix
 

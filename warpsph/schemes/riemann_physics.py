@@ -23,6 +23,7 @@ from warpsph.scene.physics import (
     VISCOUS_LIMIT,
     Physics,
     check_periods,
+    contact_matrix,
     flow_scales,
     has_room,
     smoothing_ratio,
@@ -190,11 +191,7 @@ def derive(case: Case, geometry: Geometry, row_list: bool = True) -> Physics:
     if float(damping) > 0 and fitted and not corrected:
         rule = "beside bodies needs the corrected pressure gradient: their pressure differences drive the density else"
         raise CaseError([Problem("numerics.acoustic_damping", damping, rule, "write auto or 0")])
-    angles = (
-        has_tension
-        and geometry.wall_count > 0
-        and any(pair.contact_angle is not None and pair.coefficient > 0 for pair in case.surface_tension)
-    )
+    angles = has_tension and geometry.wall_count > 0 and not paper
     sticky = viscous and bool((geometry.wall_slip[geometry.kind == 1] == 0).any())
     gravity = bool(np.any(forcing.hydrostatic() != 0))
     weighed = gravity or bool(forcing.tracks) or case.central_force is not None
@@ -214,8 +211,9 @@ def derive(case: Case, geometry: Geometry, row_list: bool = True) -> Physics:
         unlike_viscosity=viscous and star != "arithmetic" and len({phase.viscosity for phase in phases}) > 1,
         tension=str(tension_form) if has_tension else "none",
         kinked=kinked,
-        triple=tension_form == "pressure_jump" and not paper and not angles and has_triple_points(tension),
+        triple=tension_form == "pressure_jump" and not paper and has_triple_points(tension),
         contact_angle=angles,
+        leaning=angles and bool(np.any(contact_matrix(case) != 0)),
         interface=len(phases) > 1
         and (has_tension or kinked or any(gauge.type == "interface_length" for gauge in case.gauges.values())),
         corrected=corrected,
@@ -231,7 +229,7 @@ def derive(case: Case, geometry: Geometry, row_list: bool = True) -> Physics:
         volume_constraint=bool(constraint),
         room=held and float(room) > 0,
         surface_room=not filled and not paper and float(room) > 0,
-        momentum_axes=momentum_axes(case) if corrected and not sticky and not angles else (),
+        momentum_axes=momentum_axes(case) if corrected and not sticky else (),
         interface_force=float(zeta) > 0 and len(phases) > 1,
         dissipation=float(dissipation) > 0,
         inertia=spared == "acceleration" and float(dissipation) > 0,
@@ -347,7 +345,8 @@ def viscosity_is_enough(case: Case, sound: Sequence[float], h: float) -> bool:
 def momentum_axes(case: Case) -> tuple[int, ...]:
     """Return the periodic axes along which nothing but gravity and body forces pushes the fluid as a whole.
 
-    Walls push along none of them if they are sides of the domain, without friction and lines of contact.
+    Walls push along none of them if they are sides of the domain without friction: what a contact line takes at one edge of
+    a fluid it gives at the other.
     """
     if case.bodies or case.has_flow_through or case.central_force is not None:
         return ()

@@ -13,7 +13,7 @@ from warpsph.kernels.core.clock import make_advance
 from warpsph.kernels.core.poses import MIDDLE, NEXT
 from warpsph.kernels.core.spec import Spec
 from warpsph.kernels.core.time_signals import depends_on_time
-from warpsph.kernels.riemann.contact import make_contact
+from warpsph.kernels.riemann.contact import make_contact, make_phase_contact
 from warpsph.kernels.riemann.density import make_continuity, make_state
 from warpsph.kernels.riemann.drift import make_drift
 from warpsph.kernels.riemann.integrate import make_kick_drift
@@ -229,9 +229,14 @@ def curvature(spec: Spec) -> list[Stage]:
 
 def three_phases(spec: Spec) -> list[Stage]:
     """Return the stages that find the curvature of the interface of each of three phases."""
+    turned = []
+    if spec.contact_angle:
+        text = "contact angle: normals of each phase next to walls"
+        turned = [Stage("phase_contact", make_phase_contact(spec), "band", text)]
     return [
         Stage("phase_shares", make_phase_shares(spec), "band", "colours for the surface tension of three phases"),
         Stage("phase_normals", make_phase_normals(spec), "band", "normals of the interface of each phase"),
+        *turned,
         Stage("phase_curvatures", make_phase_curvatures(spec), "band", "curvature of the interface of each phase"),
         Stage("phase_means", make_phase_evened(spec, False), "band", "curvature the same on both sides of an interface"),
         Stage("phase_sharpened", make_phase_evened(spec, True), "band", "what the means have smoothed is put back"),
@@ -251,7 +256,7 @@ def absent(spec: Spec) -> list[Absent]:
         why = "neither surface tension, nor weights that differ"
         rows.append(Absent("own_fraction, colour_normal, curvature, mean_curvature, sharp_curvature", why))
     if not spec.contact_angle:
-        rows.append(Absent("contact_normal", "no contact_angle in surface_tension: walls take no part in the interfaces"))
+        rows.append(Absent("contact_normal", "no tension at walls: they take no part in the interfaces"))
     if spec.viscosity == "none":
         rows.append(Absent("viscous term", "all viscosities are zero"))
     if spec.multiphase and spec.viscosity != "none" and not spec.viscous_jump:
