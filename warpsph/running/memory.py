@@ -190,6 +190,7 @@ def _structure(case: Case, found: Count, row_list: bool) -> Spec:
     given = case.numerics.shifting
     shifting = (corrected or case.scheme.shifts) if given == "auto" else float(given) > 0
     disorder = getattr(case.numerics, "disorder_friction", 0.0)
+    spared = getattr(case.numerics, "spared_gradient", "gravity")
     viscous = any(phase.viscosity > 0 for phase in case.phases.values())
     tension = case.has_surface_tension
     measured = any(gauge.type == "interface_length" for gauge in case.gauges.values())
@@ -207,7 +208,7 @@ def _structure(case: Case, found: Count, row_list: bool) -> Spec:
         paper_star=paper and several,
         shifting=shifting,
         disorder=not paper and (disorder == "auto" or float(disorder) > 0),
-        inertia=getattr(case.numerics, "spared_gradient", "auto") == "acceleration",
+        inertia=spared == "acceleration" or (spared == "auto" and not (found.filled or paper or several)),
         scheme=case.numerics.scheme,
         budget=any(gauge.type == "budget" for gauge in case.gauges.values()),
         changing=case.has_flow_through,

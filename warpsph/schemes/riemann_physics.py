@@ -147,7 +147,9 @@ def derive(case: Case, geometry: Geometry, row_list: bool = True) -> Physics:
         "a perfect lattice is no start for the corrected gradient" if locked else "not needed",
     )
     dissipation = choose("velocity_dissipation", 1.0, "Riemann problem")
-    spared = choose("spared_gradient", "gravity", "splashes are quieter")
+    moves_freely = not (filled or paper) and len(phases) == 1
+    why = "fluid under a free surface may turn and fall" if moves_freely else "several fluids, no free surface or printed"
+    spared = choose("spared_gradient", "acceleration" if moves_freely else "gravity", why)
     if spared == "acceleration" and (filled or len(phases) > 1):
         rule = "is for one fluid with a free surface"
         raise CaseError([Problem("numerics.spared_gradient", spared, rule, "write auto or gravity")])
