@@ -29,7 +29,7 @@ def falling(forces: dict) -> Model:
             "domain": {"lower": [0, 0], "upper": [1, 2.5], "boundary": sides},
             "phases": {"water": {"density": 1000}},
             "fluids": [{"phase": "water", "shape": {"sphere": {"center": [0.5, 2.0], "radius": 0.2}}}],
-            "numerics": {"scheme": "riemann", "spared_gradient": "acceleration"},
+            "numerics": {"scheme": "riemann"},
             **forces,
         }
     )
@@ -73,7 +73,7 @@ def test_the_pressure_of_a_ring_that_turns_is_that_of_a_paraboloid() -> None:
     errors = []
     for spacing in (0.02, 0.01):
         changes = [f"particle_spacing={spacing}", "numerics.scheme=riemann", "reference={}"]
-        changes += ["numerics.spared_gradient=acceleration", "output.particles=none"]
+        changes += ["output.particles=none"]
         model = model_of(warpsph.load_case(RING, changes))
         model.stepper.run(0.5, 10**6)
         fluid = model.snapshot().fluid

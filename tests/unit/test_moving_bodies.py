@@ -332,7 +332,7 @@ def test_a_drum_that_turns_with_its_water_does_not_go_away_from_it(viscosity):
                 }
             },
             "start": {"velocity": ["-10*y", "10*x"], "pressure": "50000*(x**2 + y**2 - 0.0025)"},
-            "numerics": {"scheme": "riemann", "spared_gradient": "acceleration"},
+            "numerics": {"scheme": "riemann"},
             "output": {"particles": "none", "checkpoint": "none"},
         }
     )

@@ -109,9 +109,9 @@ class RiemannNumerics(NumericsBase):
     )
     spared_gradient: Annotated[Literal["auto", "gravity", "acceleration"], ChoiceRule()] = Field(
         default="auto",
-        description="pressure gradient that dissipation spares: gravity's, or that which the acceleration tells too, for "
-        "one fluid with a free surface that turns, falls or is shaken; violent splashes may diverge. auto: gravity",
-        examples=["acceleration"],
+        description="pressure gradient that dissipation spares: gravity's alone, or that which the acceleration tells too, "
+        "without which fluid that turns, falls or is shaken is driven. auto: acceleration for one fluid with a free surface",
+        examples=["gravity"],
     )
     velocity_dissipation: Annotated[float | Auto, NumberRule(least=0, most=10, auto=True)] = Field(
         default="auto",
