@@ -116,7 +116,6 @@ FAULT_LIST = 2
 FAULT_CAPACITY = 3
 NO_PARTICLE = 2147483647
 RARE_INTERVAL = 5  # steps from one run of the rare stages to the next, at most
-FOLDS = 64  # groups of partial volume sums
 
 
 @functools.cache

@@ -13,7 +13,8 @@ from typing import Any
 
 import warp as wp
 
-from warpsph.kernels.core.clock import FOLDS, STEP
+from warpsph.kernels.core.block_sums import FOLDS
+from warpsph.kernels.core.clock import STEP
 from warpsph.kernels.core.params import make_phase
 from warpsph.kernels.core.spec import Spec, types_of
 

@@ -9,7 +9,10 @@ from typing import Any
 
 import warp as wp
 
-LANES = 256  # threads of a block on a GPU; the launches below count on it
+from warpsph.kernels.core.block_sums import LANES
+
+__all__ = ["LANES"]
+
 
 
 @wp.func_native("#if defined(__CUDA_ARCH__)\n__syncthreads();\n#endif\n")

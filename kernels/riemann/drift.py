@@ -12,20 +12,20 @@ from typing import Any
 
 import warp as wp
 
-from warpsph.kernels.core.clock import DRIFT_VELOCITY, FOLDS, MOMENTUM, STEP, TIME
+from warpsph.kernels.core.block_sums import make_block_sums
+from warpsph.kernels.core.clock import DRIFT_VELOCITY, MOMENTUM, STEP, TIME
 from warpsph.kernels.core.params import make_params, make_phase
 from warpsph.kernels.core.spec import Spec, types_of
 
-from .volume import make_fold, make_volume_parts
+from .volume import make_volume_parts
 
 
 @functools.cache
-def make_drift(spec: Spec) -> tuple[Any, Any, Any]:
-    """Return the kernels (sum_momentum over blocks, fold_momentum over FOLDS, close_momentum on one thread).
+def make_drift(spec: Spec) -> tuple[Any, Any]:
+    """Return the kernels (sum_momentum over blocks, close_momentum on what totals them): see `block_sums`.
 
-    Float64 sums in a fixed order: the result does not depend on how many threads work on it. The fourth entry of a sum is
-    the mass. Where the volume of the box is held too, they add up that in the same pass (`volume`): a box of some ten
-    thousand particles would spend more time on launching three kernels more than on the sums.
+    The fourth entry of a sum is the mass. Where the volume of the box is held too, they add up that in the same pass
+    (`volume`): a box of some ten thousand particles would spend more time on launching two kernels more than on the sums.
     """
     real, vec, _, pair = types_of(spec)
     Params = make_params(spec.dimension, spec.precision)
@@ -34,7 +34,8 @@ def make_drift(spec: Spec) -> tuple[Any, Any, Any]:
     kept = wp.vec3d(*(1.0 if axis in spec.momentum_axes else 0.0 for axis in range(3)))
     with_volume = spec.volume_constraint
     volume_of, close_volume = make_volume_parts(spec)
-    fold_volume, fold_momentum_sums = make_fold(wp.vec2d), make_fold(wp.vec4d)
+    store_volume, total_volume = make_block_sums(wp.vec2d, spec.row_list)
+    store_momentum, total_momentum = make_block_sums(wp.vec4d, spec.row_list)
 
     @wp.kernel(module="unique", enable_backward=False)
     def sum_momentum(
@@ -49,18 +50,16 @@ def make_drift(spec: Spec) -> tuple[Any, Any, Any]:
         momentum_sums: wp.array(dtype=wp.vec4d),
         volume_sums: wp.array(dtype=wp.vec2d),
     ):
-        block = wp.tid() + first
-        k = block
-        step = block_count
-        end = fluid_count
+        t = wp.tid() + first
+        begin = t
+        end = wp.min(t + 1, fluid_count)
         if wp.static(spec.row_list):
             chunk = (fluid_count + block_count - 1) / block_count
-            k = block * chunk
-            end = wp.min(k + chunk, fluid_count)
-            step = 1
+            begin = t * chunk
+            end = wp.min(begin + chunk, fluid_count)
         total = wp.vec4d()
         volume = wp.vec2d()
-        while k < end:
+        for k in range(begin, end):
             own = int(0)
             if wp.static(spec.multiphase):
                 own = int(phase[k])
@@ -71,36 +70,26 @@ def make_drift(spec: Spec) -> tuple[Any, Any, Any]:
             total[3] += m
             if wp.static(with_volume):
                 volume += volume_of(k, phases, phase, state)
-            k += step
-        momentum_sums[block] = total
+        store_momentum(t, total, momentum_sums)
         if wp.static(with_volume):
-            volume_sums[block] = volume
-
-    @wp.kernel(module="unique", enable_backward=False)
-    def fold_momentum(
-        first: int,
-        block_count: int,
-        momentum_sums: wp.array(dtype=wp.vec4d),
-        momentum_folds: wp.array(dtype=wp.vec4d),
-        volume_sums: wp.array(dtype=wp.vec2d),
-        volume_folds: wp.array(dtype=wp.vec2d),
-    ):
-        fold = wp.tid() + first
-        momentum_folds[fold] = fold_momentum_sums(momentum_sums, block_count, fold)
-        if wp.static(with_volume):
-            volume_folds[fold] = fold_volume(volume_sums, block_count, fold)
+            store_volume(t, volume, volume_sums)
 
     @wp.kernel(module="unique", enable_backward=False)
     def close_momentum(
+        block_count: int,
         params: Params,
         clock: wp.array(dtype=wp.float64),
         impulse: wp.array(dtype=wp.float64),
-        momentum_folds: wp.array(dtype=wp.vec4d),
-        volume_folds: wp.array(dtype=wp.vec2d),
+        momentum_sums: wp.array(dtype=wp.vec4d),
+        volume_sums: wp.array(dtype=wp.vec2d),
     ):
-        total = wp.vec4d()
-        for fold in range(FOLDS):
-            total += momentum_folds[fold]
+        t = wp.tid()
+        total = total_momentum(t, block_count, momentum_sums)
+        volume = wp.vec2d()
+        if wp.static(with_volume):
+            volume = total_volume(t, block_count, volume_sums)
+        if t > 0:
+            return
         # the velocities are those of the middle of the step
         time = clock[TIME] + wp.float64(0.5) * clock[STEP]
         held = wp.static(kept)
@@ -112,6 +101,6 @@ def make_drift(spec: Spec) -> tuple[Any, Any, Any]:
                 drift = clock[MOMENTUM + axis] + drive * time - total[axis] / total[3]
             clock[DRIFT_VELOCITY + axis] = held[axis] * drift
         if wp.static(with_volume):
-            close_volume(clock, volume_folds)
+            close_volume(clock, volume)
 
-    return sum_momentum, fold_momentum, close_momentum
+    return sum_momentum, close_momentum

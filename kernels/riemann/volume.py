@@ -9,32 +9,17 @@ from typing import Any
 
 import warp as wp
 
-from warpsph.kernels.core.clock import BOX_VOLUME, EXCESS_PRESSURE, FOLDS
+from warpsph.kernels.core.block_sums import make_block_sums
+from warpsph.kernels.core.clock import BOX_VOLUME, EXCESS_PRESSURE
 from warpsph.kernels.core.params import make_phase
 from warpsph.kernels.core.spec import Spec, types_of
-
-
-@functools.cache
-def make_fold(dtype: Any) -> Any:
-    """Return the `wp.func` fold_sums(sums, block_count, fold): the sum over every FOLDS-th block from `fold` on."""
-
-    @wp.func
-    def fold_sums(sums: wp.array(dtype=dtype), block_count: int, fold: int):
-        total = dtype()
-        k = int(fold)
-        while k < block_count:
-            total += sums[k]
-            k += FOLDS
-        return total
-
-    return fold_sums
 
 
 @functools.cache
 def make_volume_parts(spec: Spec) -> tuple[Any, Any]:
     """Return the `wp.func`s of a particle and of the end of the sum.
 
-    volume_of(k, phases, phase, state): (V, V/(rho c^2)) [m^d, m^d/Pa]; close(clock, folds): sets the pressure to be added.
+    volume_of(k, phases, phase, state): (V, V/(rho c^2)) [m^d, m^d/Pa]; close(clock, total): sets the pressure to be added.
     """
     _, _, _, pair = types_of(spec)
     Phase = make_phase(spec.precision)
@@ -48,25 +33,19 @@ def make_volume_parts(spec: Spec) -> tuple[Any, Any]:
         return wp.vec2d(v, v * wp.float64(phases[own].compressibility))
 
     @wp.func
-    def close(clock: wp.array(dtype=wp.float64), folds: wp.array(dtype=wp.vec2d)):
-        total = wp.vec2d()
-        for fold in range(FOLDS):
-            total += folds[fold]
+    def close(clock: wp.array(dtype=wp.float64), total: wp.vec2d):
         clock[EXCESS_PRESSURE] = (total[0] - clock[BOX_VOLUME]) / total[1]
 
     return volume_of, close
 
 
 @functools.cache
-def make_volume(spec: Spec) -> tuple[Any, Any, Any]:
-    """Return the kernels (sum_volume over blocks, fold_volume over FOLDS, close_volume on one thread).
-
-    Float64 sums in a fixed order: the result does not depend on how many threads work on it.
-    """
+def make_volume(spec: Spec) -> tuple[Any, Any]:
+    """Return the kernels (sum_volume over blocks, close_volume on what totals them): see `block_sums`."""
     _, _, _, pair = types_of(spec)
     Phase = make_phase(spec.precision)
     volume_of, close = make_volume_parts(spec)
-    fold_sums = make_fold(wp.vec2d)
+    store_block, total_of_blocks = make_block_sums(wp.vec2d, spec.row_list)
 
     @wp.kernel(module="unique", enable_backward=False)
     def sum_volume(
@@ -78,37 +57,27 @@ def make_volume(spec: Spec) -> tuple[Any, Any, Any]:
         state: wp.array(dtype=pair),
         volume_sums: wp.array(dtype=wp.vec2d),
     ):
-        block = wp.tid() + first
-        n = fluid_count
-        k = block
-        step = block_count
-        end = n
+        t = wp.tid() + first
+        begin = t
+        end = wp.min(t + 1, fluid_count)
         if wp.static(spec.row_list):
-            chunk = (n + block_count - 1) / block_count
-            k = block * chunk
-            end = wp.min(k + chunk, n)
-            step = 1
+            chunk = (fluid_count + block_count - 1) / block_count
+            begin = t * chunk
+            end = wp.min(begin + chunk, fluid_count)
         total = wp.vec2d()
-        while k < end:
+        for k in range(begin, end):
             total += volume_of(k, phases, phase, state)
-            k += step
-        volume_sums[block] = total
-
-    @wp.kernel(module="unique", enable_backward=False)
-    def fold_volume(
-        first: int,
-        block_count: int,
-        volume_sums: wp.array(dtype=wp.vec2d),
-        volume_folds: wp.array(dtype=wp.vec2d),
-    ):
-        fold = wp.tid() + first
-        volume_folds[fold] = fold_sums(volume_sums, block_count, fold)
+        store_block(t, total, volume_sums)
 
     @wp.kernel(module="unique", enable_backward=False)
     def close_volume(
+        block_count: int,
         clock: wp.array(dtype=wp.float64),
-        volume_folds: wp.array(dtype=wp.vec2d),
+        volume_sums: wp.array(dtype=wp.vec2d),
     ):
-        close(clock, volume_folds)
+        t = wp.tid()
+        total = total_of_blocks(t, block_count, volume_sums)
+        if t == 0:
+            close(clock, total)
 
-    return sum_volume, fold_volume, close_volume
+    return sum_volume, close_volume

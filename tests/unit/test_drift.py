@@ -298,7 +298,7 @@ def test_only_periodic_axes_along_which_nothing_pushes_have_it(scene, changes, k
     plan = describe(case_of(scene).replace(changes))
     assert bool(plan["structure"]["momentum_axes"]) is kept
     stages = [stage["name"] for stage in plan["stages"] if stage["name"].startswith("drift")]
-    assert stages == (["drift", "drift_fold", "drift_close"] if kept else [])
+    assert stages == (["drift", "drift_close"] if kept else [])
     assert ("drift" in {row["name"] for row in plan["absent"]}) is not kept
 
 

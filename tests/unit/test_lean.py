@@ -37,7 +37,7 @@ STAGES = {
     "sound of tension": ["relaxation"],
     "tension": ["own_fraction", "colour_normal", "curvature", "mean_curvature", "sharp_curvature"],
     "contact angle": ["contact_normal"],
-    "volume constraint": ["volume", "volume_fold", "volume_close"],
+    "volume constraint": ["volume", "volume_close"],
 }
 KERNELS = {
     "second phase": {"interface_flow"},
@@ -46,7 +46,7 @@ KERNELS = {
     "sound of tension": {"relaxation"},
     "tension": {"own_fraction", "colour_normal", "interface_curvature", "evened_curvature", "mark_band", "gather_band"},
     "contact angle": {"contact_normal"},
-    "volume constraint": {"sum_volume", "fold_volume", "close_volume"},
+    "volume constraint": {"sum_volume", "close_volume"},
 }
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from typing import Any, Protocol
 
@@ -14,10 +15,11 @@ from warpsph.engine.population import Population
 from warpsph.engine.program import Stage
 from warpsph.kernels.core import clock as ck
 from warpsph.kernels.core import time_signals
+from warpsph.kernels.core.block_sums import FOLDS, LANES
 from warpsph.kernels.core.spec import Spec
 
-# partial sums of a reduction: enough to fill a GPU, few enough to add up on one core
-BLOCKS = {True: 512, False: 16384}
+BLOCKS = 512
+"""Stretches of particles that are added up each by itself on a CPU."""
 
 
 class Systems(Protocol):
@@ -65,18 +67,9 @@ class Level:
         self.particles, self.launcher, self.clock = particles, launcher, clock
         self._list_keywords = dict(neighbour_list)
         self._make_systems = systems
-        spec, device = particles.spec, launcher.device
-        blocks = BLOCKS[launcher.is_cpu] if spec.volume_constraint or spec.momentum_constraint else 0
-        self.bindings = Bindings(device, values, declared=particles.declared | work | time_signals.ARRAYS)
+        self.bindings = Bindings(launcher.device, values, declared=particles.declared | work | time_signals.ARRAYS)
         self.bindings.update(clock.arrays())
-        self.bindings.update(
-            block_count=blocks,
-            volume_sums=wp.zeros(blocks, dtype=wp.vec2d, device=device),
-            volume_folds=wp.zeros(ck.FOLDS if blocks else 0, dtype=wp.vec2d, device=device),
-            momentum_sums=wp.zeros(blocks, dtype=wp.vec4d, device=device),
-            momentum_folds=wp.zeros(ck.FOLDS if blocks else 0, dtype=wp.vec4d, device=device),
-            advancing=1,
-        )
+        self.bindings.update(advancing=1)
         self._take_particles(int(neighbour_list["width"]))
 
     def _take_particles(self, width: int) -> None:
@@ -84,11 +77,25 @@ class Level:
         particles = self.particles
         self.bindings.update(particles.arrays)
         self.bindings.update(particle_count=particles.capacity, fluid_count=particles.fluid_capacity)
+        self._make_sums(particles.fluid_capacity)
         if particles.changing:
             particles.live = self.live_count
         self.list = NeighbourList(particles, self.launcher, self.bindings, **{**self._list_keywords, "width": width})
         self.spec: Spec = self.list.spec
         self.systems = self._make_systems(self) if self._make_systems is not None else None
+
+    def _make_sums(self, fluid_count: int) -> None:
+        """Bind the partial sums over that many particles, where the volume or the momentum is held."""
+        spec, device = self.particles.spec, self.launcher.device
+        self._lanes = 1 if self.launcher.is_cpu else LANES
+        count = 0
+        if spec.volume_constraint or spec.momentum_constraint:
+            count = BLOCKS if spec.row_list else max(1, math.ceil(fluid_count / self._lanes))
+        self.bindings.update(
+            block_count=count,
+            volume_sums=wp.zeros(count, dtype=wp.vec2d, device=device),
+            momentum_sums=wp.zeros(count, dtype=wp.vec4d, device=device),
+        )
 
     @property
     def written(self) -> frozenset[str]:
@@ -118,8 +125,9 @@ class Level:
             "fluid": (particles.fluid_capacity, 0),
             "wall": (particles.wall_count, 0),
             "band": (particles.fluid_capacity, 0),
-            "blocks": (self.bindings["block_count"], 0),
-            "folds": (ck.FOLDS, 0),
+            "blocks": (self.bindings["block_count"] * self._lanes, 0),
+            "last": (self._lanes, 0),
+            "folds": (FOLDS, 0),
             "one": (1, 0),
         }
         return named[stage.rows] if stage.rows in named else (int(self.bindings[stage.rows].shape[0]), 0)

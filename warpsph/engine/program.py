@@ -9,7 +9,7 @@ import dataclasses
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Literal
 
-Rows = Literal["fluid", "wall", "band", "blocks", "folds", "one"]
+Rows = Literal["fluid", "wall", "band", "blocks", "last", "folds", "one"]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -19,8 +19,8 @@ class Stage:
     Attributes:
         name: shown to the user and in timings.
         kernel: Warp kernel; its arguments are bound by name.
-        rows: what it runs over: fluid or wall particles, the interface band, blocks of particles, groups of
-            blocks, one thread, a number of rows of its own, or the entries of an array of another name.
+        rows: what it runs over: fluid or wall particles, the interface band, blocks of particles, what totals their sums,
+            groups of blocks, one thread, a number of rows of its own, or the entries of an array of another name.
         reason: why this scene needs it.
         values: argument values of this stage alone, by name.
         fields: arguments of this stage that stand for fields of other names: argument -> field.

@@ -139,11 +139,10 @@ def volume(spec: Spec) -> list[Node]:
     """Return the stages that hold the volume of a closed domain, whose mean pressure nothing else holds."""
     if not spec.volume_constraint:
         return []
-    add, fold, close = make_volume(spec)
+    add, close = make_volume(spec)
     stages = [
         Stage("volume", add, "blocks", "closed domain: mean pressure"),
-        Stage("volume_fold", fold, "folds", "adds up the parts of the volume"),
-        Stage("volume_close", close, "one", "closes the volume sum"),
+        Stage("volume_close", close, "last", "closes the volume sum"),
     ]
     return [Rarely(stages)]
 

@@ -107,16 +107,14 @@ def constraints(spec: Spec) -> list[Stage]:
     """Return the stages that hold the volume of a closed domain and the momentum along periodic axes."""
     stages = []
     if spec.momentum_constraint:
-        add, fold, close = make_drift(spec)
+        add, close = make_drift(spec)
         both = ", and mean pressure" if spec.volume_constraint else ""
         stages.append(Stage("drift", add, "blocks", f"periodic axes with the corrected gradient: total momentum{both}"))
-        stages.append(Stage("drift_fold", fold, "folds", "adds up the parts of the sums"))
-        stages.append(Stage("drift_close", close, "one", "mean velocity that is to be taken out"))
+        stages.append(Stage("drift_close", close, "last", "mean velocity that is to be taken out"))
     elif spec.volume_constraint:
-        add, fold, close = make_volume(spec)
+        add, close = make_volume(spec)
         stages.append(Stage("volume", add, "blocks", "closed domain with the corrected gradient: mean pressure"))
-        stages.append(Stage("volume_fold", fold, "folds", "adds up the parts of the volume"))
-        stages.append(Stage("volume_close", close, "one", "closes the volume sum"))
+        stages.append(Stage("volume_close", close, "last", "closes the volume sum"))
     return stages
 
 
