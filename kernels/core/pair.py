@@ -161,3 +161,50 @@ def make_entry(row_list: bool, wide: bool = False, dtype: Any = int) -> Access:
 def list_access(spec: Spec) -> tuple[Any, Any, Any, Any]:
     """Return (list_begin, list_step, neighbour, type of `neighbours`) of the neighbour list of a `Spec`."""
     return make_entry(spec.row_list, spec.wide_list)[:4]
+
+
+@functools.cache
+def make_look_ahead(row_list: bool, wide: bool, ahead: bool) -> tuple[Any, Any, Any]:
+    """Return the `wp.func`s (look, taken, onward) of a loop over the pairs of a particle.
+
+        ahead = look(neighbours, i, k, end)
+        while k < end:
+            j = taken(ahead, neighbours, i, k)
+            k, ahead = onward(neighbours, i, k, step, end)
+
+    On a GPU the entry of the next pair is read while the present one is worked on, so that a thread waits for one access to
+    memory a pair instead of two. Otherwise `ahead` is 0 and each entry is read when it is needed.
+    """
+    access = make_entry(row_list, wide)
+    read, List = access.read, access.array
+
+    @wp.func
+    def look(entries: List, i: int, place: int, end: int):
+        found = int(0)
+        if wp.static(ahead):
+            if place < end:
+                found = read(entries, i, place)
+        return found
+
+    @wp.func
+    def taken(found: int, entries: List, i: int, place: int):
+        if wp.static(ahead):
+            return found
+        else:
+            return read(entries, i, place)
+
+    @wp.func
+    def onward(entries: List, i: int, place: int, step: int, end: int):
+        following = place + step
+        return following, look(entries, i, following, end)
+
+    return look, taken, onward
+
+
+def look_ahead(spec: Spec) -> tuple[Any, Any, Any]:
+    """Return the loop functions of a `Spec`: they look ahead on a GPU, with several phases.
+
+    With one phase a sweep has few instructions a pair, which other threads cover: there it costs 2 to 9 %
+    (docs/speed.md#ahead).
+    """
+    return make_look_ahead(spec.row_list, spec.wide_list, spec.multiphase and not spec.row_list)

@@ -15,7 +15,7 @@ import warp as wp
 from warpsph.kernels.core.clock import STEP
 from warpsph.kernels.core.eos import make_eos
 from warpsph.kernels.core.fields import FLUID
-from warpsph.kernels.core.pair import NEAR, WRAPPED, list_access, separation_of
+from warpsph.kernels.core.pair import NEAR, WRAPPED, list_access, look_ahead, separation_of
 from warpsph.kernels.core.params import make_params, make_phase
 from warpsph.kernels.core.smoothing import make_smoothing
 from warpsph.kernels.core.spec import Spec, curvature_type, pair_sweep, types, types_of
@@ -179,7 +179,7 @@ def make_continuity(spec: Spec) -> Any:
     real, vec, mat, pair = types_of(spec)
     Params, Phase = make_params(spec.dimension, spec.precision), make_phase(spec.precision)
     eos, slope = make_eos(spec.precision), make_smoothing(spec.kernel, spec.precision)[1]
-    list_begin, list_step, neighbour, Listed = list_access(spec)
+    (list_begin, list_step, neighbour, Listed), (look, taken, onward) = list_access(spec), look_ahead(spec)
     (star_velocity, _), density_between = make_star(spec.precision, spec.paper_star), make_density_between(spec)
     laplace_jump, carried = make_jump(spec.precision), make_carried(spec.dimension, spec.precision)
     parts_jump, curved, damps = make_parts_jump(spec.precision), curvature_type(spec), spec.acoustic_damping
@@ -258,14 +258,15 @@ def make_continuity(spec: Spec) -> Any:
         disordered, crowd = vec(), real(0.0)  # sums of F V times the friction of disorder; of -F V r^2, d inside a fluid
         k, step = list_begin(i, list_width), list_step(particle_count)
         end = k + int(fluid_neighbours[i]) * step
+        ahead = look(neighbours, i, k, end)
         if wp.static(spec.multiphase):
             if near:
                 kappa_i, w_i = real(0.0), real(0.0)
                 if wp.static(jumps):
                     kappa_i, w_i = real(curvature[i]), real(interface_weight[i])
                 while k < end:
-                    j = neighbour(neighbours, i, k)
-                    k += step
+                    j = taken(ahead, neighbours, i, k)
+                    k, ahead = onward(neighbours, i, k, step, end)
                     d = separation(xi, midway[j], wrapped, params)
                     r = wp.sqrt(wp.dot(d, d))
                     state_j = state_old[j]
@@ -314,8 +315,8 @@ def make_continuity(spec: Spec) -> Any:
                             u_star += carried(own.density, other.density, velocity_gradient[dense], d) * inv_r
                         rate += real(2.0) * f * (wp.dot(vi, d) + r * u_star)
         while k < end:
-            j = neighbour(neighbours, i, k)
-            k += step
+            j = taken(ahead, neighbours, i, k)
+            k, ahead = onward(neighbours, i, k, step, end)
             d = separation(xi, midway[j], wrapped, params)
             r = wp.sqrt(wp.dot(d, d))
             state_j = state_old[j]
@@ -360,8 +361,7 @@ def make_continuity(spec: Spec) -> Any:
         damped = real(0.0)
         if wp.static(damps):
             damped = damping((real(1.0) + s) * params.g_norm * rate, params, own)
-        rate += blur
-        s += real(clock[STEP]) * (real(1.0) + s) * (params.g_norm * rate + followed(i, room_part))
+        s += real(clock[STEP]) * (real(1.0) + s) * (params.g_norm * (rate + blur) + followed(i, room_part))
         s = remembered(s, crowd * params.g_norm, i, thin)
         density_excess[i] = s
         if wp.static(spec.disorder):

@@ -20,7 +20,7 @@ from typing import Any
 import warp as wp
 
 from warpsph.kernels.core.clock import BAND_COUNT
-from warpsph.kernels.core.pair import BAND, NEAR, list_access, separation_of
+from warpsph.kernels.core.pair import BAND, NEAR, list_access, look_ahead, separation_of
 from warpsph.kernels.core.params import make_params, make_phase
 from warpsph.kernels.core.smoothing import KERNELS, make_smoothing
 from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, types, types_of
@@ -38,7 +38,8 @@ def make_fraction(spec: Spec) -> Any:
     Phase = make_phase(spec.precision)
     shape, _ = make_smoothing(spec.kernel, spec.precision)
     separation = separation_of(spec)
-    list_begin, list_step, neighbour, Listed = list_access(spec)
+    list_begin, list_step, _, Listed = list_access(spec)
+    look, taken, onward = look_ahead(spec)
 
     @wp.kernel(module="unique", enable_backward=False, module_options=SWEEP_OPTIONS)
     def own_fraction(
@@ -79,9 +80,10 @@ def make_fraction(spec: Spec) -> Any:
         k = list_begin(i, list_width)
         step = list_step(particle_count)
         end = k + int(fluid_neighbours[i]) * step
+        ahead = look(neighbours, i, k, end)
         while k < end:
-            j = neighbour(neighbours, i, k)
-            k += step
+            j = taken(ahead, neighbours, i, k)
+            k, ahead = onward(neighbours, i, k, step, end)
             d = separation(xi, position[j], True, params)
             w = shape(wp.sqrt(wp.dot(d, d)) * params.inv_h) * state[j][1]
             if phase[j] == own:
@@ -109,7 +111,8 @@ def make_normal(spec: Spec) -> Any:
     Params = make_params(spec.dimension, spec.precision)
     _, slope = make_smoothing(spec.kernel, spec.precision)
     separation = separation_of(spec)
-    list_begin, list_step, neighbour, Listed = list_access(spec)
+    list_begin, list_step, _, Listed = list_access(spec)
+    look, taken, onward = look_ahead(spec)
 
     @wp.kernel(module="unique", enable_backward=False, module_options=SWEEP_OPTIONS)
     def colour_normal(
@@ -144,9 +147,10 @@ def make_normal(spec: Spec) -> Any:
         k = list_begin(i, list_width)
         step = list_step(particle_count)
         end = k + int(fluid_neighbours[i]) * step
+        ahead = look(neighbours, i, k, end)
         while k < end:
-            j = neighbour(neighbours, i, k)
-            k += step
+            j = taken(ahead, neighbours, i, k)
+            k, ahead = onward(neighbours, i, k, step, end)
             d = separation(xi, position[j], True, params)
             share = fraction[j]
             if phase[j] != own:
@@ -211,7 +215,8 @@ def make_curvature(spec: Spec) -> Any:
     Params = make_params(spec.dimension, spec.precision)
     _, slope = make_smoothing(spec.kernel, spec.precision)
     separation = separation_of(spec)
-    list_begin, list_step, neighbour, Listed = list_access(spec)
+    list_begin, list_step, _, Listed = list_access(spec)
+    look, taken, onward = look_ahead(spec)
     straightened = make_straightened(spec.kernel, spec.dimension, spec.precision)
     d_real = float(spec.dimension)
 
@@ -250,9 +255,10 @@ def make_curvature(spec: Spec) -> Any:
             k = list_begin(i, list_width)
             step = list_step(particle_count)
             end = k + int(fluid_neighbours[i]) * step
+            ahead = look(neighbours, i, k, end)
             while k < end:
-                j = neighbour(neighbours, i, k)
-                k += step
+                j = taken(ahead, neighbours, i, k)
+                k, ahead = onward(neighbours, i, k, step, end)
                 if interface_weight[j] > real(0.0):
                     d = separation(xi, position[j], True, params)
                     f = slope(wp.sqrt(wp.dot(d, d)) * params.inv_h) * state[j][1] * params.g_norm
@@ -300,7 +306,8 @@ def make_evened(spec: Spec, sharp: bool) -> Any:
     real, vec, _, pair = types_of(spec)
     Params = make_params(spec.dimension, spec.precision)
     separation = separation_of(spec)
-    list_begin, list_step, neighbour, Listed = list_access(spec)
+    list_begin, list_step, _, Listed = list_access(spec)
+    look, taken, onward = look_ahead(spec)
     reach2 = KERNELS[spec.kernel].support ** 2
     sharper = sharpness(spec.kernel, spec.dimension)
 
@@ -344,9 +351,10 @@ def make_evened(spec: Spec, sharp: bool) -> Any:
             k = list_begin(i, list_width)
             step = list_step(particle_count)
             end = k + int(fluid_neighbours[i]) * step
+            ahead = look(neighbours, i, k, end)
             while k < end:
-                j = neighbour(neighbours, i, k)
-                k += step
+                j = taken(ahead, neighbours, i, k)
+                k, ahead = onward(neighbours, i, k, step, end)
                 d = separation(xi, position[j], True, params)
                 r2 = wp.dot(d, d)
                 if interface_weight[j] > real(0.0) and r2 * params.inv_h * params.inv_h < real(reach2):

@@ -25,7 +25,7 @@ from typing import Any
 
 import warp as wp
 
-from warpsph.kernels.core.pair import NEAR, list_access, separation_of
+from warpsph.kernels.core.pair import NEAR, list_access, look_ahead, separation_of
 from warpsph.kernels.core.params import make_params
 from warpsph.kernels.core.smoothing import KERNELS, make_smoothing
 from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, curvature_type, types, types_of
@@ -105,6 +105,7 @@ def make_interface_flow(spec: Spec) -> Any:
     _, slope = make_smoothing(spec.kernel, spec.precision)
     separation = separation_of(spec)
     list_begin, list_step, neighbour, Listed = list_access(spec)
+    look, taken, onward = look_ahead(spec)
     full, none = FULL**spec.dimension, NONE**spec.dimension
     window, depth = make_depth(spec.dimension, spec.precision)
     support, curved = KERNELS[spec.kernel].support, curvature_type(spec)
@@ -145,9 +146,10 @@ def make_interface_flow(spec: Spec) -> Any:
         k = list_begin(i, list_width)
         step = list_step(particle_count)
         end = k + int(fluid_neighbours[i]) * step
+        ahead = look(neighbours, i, k, end)
         while k < end:
-            j = neighbour(neighbours, i, k)
-            k += step
+            j = taken(ahead, neighbours, i, k)
+            k, ahead = onward(neighbours, i, k, step, end)
             d = separation(xi, position[j], True, params)
             q = wp.sqrt(wp.dot(d, d)) * params.inv_h
             fd = (slope(q) * state[j][1]) * d

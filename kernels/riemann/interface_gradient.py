@@ -15,7 +15,7 @@ from typing import Any
 
 import warp as wp
 
-from warpsph.kernels.core.pair import NEAR, list_access, separation_of
+from warpsph.kernels.core.pair import NEAR, list_access, look_ahead, separation_of
 from warpsph.kernels.core.params import make_params, make_phase
 from warpsph.kernels.core.smoothing import make_smoothing
 from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, types_of
@@ -30,7 +30,8 @@ def make_interface_gradient(spec: Spec) -> Any:
     Phase = make_phase(spec.precision)
     _, slope = make_smoothing(spec.kernel, spec.precision)
     separation = separation_of(spec)
-    list_begin, list_step, neighbour, Listed = list_access(spec)
+    list_begin, list_step, _, Listed = list_access(spec)
+    look, taken, onward = look_ahead(spec)
     axes_along = spec.dimension - 1
     full = FULL**spec.dimension
 
@@ -71,10 +72,11 @@ def make_interface_gradient(spec: Spec) -> Any:
         k = list_begin(i, list_width)
         step = list_step(particle_count)
         end = k + int(fluid_neighbours[i]) * step
+        ahead = look(neighbours, i, k, end)
         beside_thinner = bool(False)
         while k < end:
-            j = neighbour(neighbours, i, k)
-            k += step
+            j = taken(ahead, neighbours, i, k)
+            k, ahead = onward(neighbours, i, k, step, end)
             if phase[j] == own:
                 d = separation(xi, position[j], True, params)
                 f = -slope(wp.sqrt(wp.dot(d, d)) * params.inv_h) * state[j][1]

@@ -32,7 +32,7 @@ import warp as wp
 
 from warpsph.kernels.core.clock import MAXIMA, STEP
 from warpsph.kernels.core.fields import FLUID
-from warpsph.kernels.core.pair import BAND, NEAR, WRAPPED, list_access, separation_of
+from warpsph.kernels.core.pair import BAND, NEAR, WRAPPED, list_access, look_ahead, separation_of
 from warpsph.kernels.core.params import make_params, make_phase
 from warpsph.kernels.core.planes import make_planes
 from warpsph.kernels.core.smoothing import make_smoothing
@@ -66,6 +66,7 @@ def make_momentum(spec: Spec) -> Any:
     _, slope = make_smoothing(spec.kernel, spec.precision)
     separation = separation_of(spec)
     list_begin, list_step, neighbour, Listed = list_access(spec)
+    look, taken, onward = look_ahead(spec)
     _, star_pressure = make_star(spec.precision, spec.paper_star)
     density_between = make_density_between(spec)
     laplace_jump, parts_jump = make_jump(spec.precision), make_parts_jump(spec.precision)
@@ -199,6 +200,7 @@ def make_momentum(spec: Spec) -> Any:
         k = list_begin(i, list_width)
         step = list_step(particle_count)
         end = k + int(fluid_neighbours[i]) * step
+        ahead = look(neighbours, i, k, end)
         if wp.static(spec.multiphase):
             if near:
                 kappa_i = real(0.0)
@@ -207,8 +209,8 @@ def make_momentum(spec: Spec) -> Any:
                     kappa_i = curvature[i]
                     w_i = interface_weight[i]
                 while k < end:
-                    j = neighbour(neighbours, i, k)
-                    k += step
+                    j = taken(ahead, neighbours, i, k)
+                    k, ahead = onward(neighbours, i, k, step, end)
                     d = separation(xi, position[j], wrapped, params)
                     r2 = wp.dot(d, d)
                     state_j = state[j]
@@ -279,8 +281,8 @@ def make_momentum(spec: Spec) -> Any:
                     if wp.static(viscous):
                         viscous_sum += (mu * f) * viscous_term(vi - velocity[j], d, r2 + params.tiny, params.inv_h)
         while k < end:
-            j = neighbour(neighbours, i, k)
-            k += step
+            j = taken(ahead, neighbours, i, k)
+            k, ahead = onward(neighbours, i, k, step, end)
             d = separation(xi, position[j], wrapped, params)
             r2 = wp.dot(d, d)
             state_j = state[j]
