@@ -90,6 +90,7 @@ class Spec:
         held: particles beside open sides keep the state of the start (gas).
         internal_energy: the fluid has an internal energy that is no function of its density (gas).
         row_list: neighbour list stored particle by particle (CPU) instead of neighbour by neighbour (GPU).
+        few: so few particles that a GPU runs all of them at once, whatever registers a sweep takes.
         wide_list: the neighbour list has more entries than 31 bits number; known with its width.
     """
 
@@ -158,6 +159,7 @@ class Spec:
     held: bool = False
     internal_energy: bool = False
     row_list: bool = True
+    few: bool = False
     wide_list: bool = False
 
     @property
@@ -183,7 +185,8 @@ def pair_sweep(spec: Spec, blocks: int = 4) -> dict[str, Any]:
     that by other threads. With several phases a sweep would take up to 128 registers and more, so that a quarter of the
     threads or fewer fit; limited to what lets `blocks` blocks run side by side, the rest in the first cache, momentum and
     continuity of the droplet of `bench_speed` are 1.7 and 1.4 times quicker (H200; in 3-D and in float64 1.2 to 1.8 times,
-    docs/speed.md#registers). With one phase the compiler needs fewer by itself, and a limit costs up to 10 %.
+    docs/speed.md#registers). With one phase the compiler needs fewer by itself, and a limit costs up to 10 %; where two
+    blocks on each multiprocessor hold all particles (`few_particles`) nothing waits for registers, and it costs 5 %.
 
     Args:
         blocks: blocks of BLOCK threads on a multiprocessor.
@@ -194,7 +197,15 @@ def pair_sweep(spec: Spec, blocks: int = 4) -> dict[str, Any]:
         "module_options": SWEEP_OPTIONS,
         "grid_stride": False,
     }
-    return options | ({"launch_bounds": (BLOCK, blocks)} if spec.multiphase else {})
+    return options | ({"launch_bounds": (BLOCK, blocks)} if spec.multiphase and not spec.few else {})
+
+
+def few_particles(count: int, multiprocessors: int) -> bool:
+    """Return whether a GPU runs as many particles at once as a sweep over pairs without a limit on its registers.
+
+    Of 128 registers and fewer, which the sweeps over several phases take, two blocks have room on a multiprocessor.
+    """
+    return count <= 2 * BLOCK * multiprocessors
 
 
 class Types(NamedTuple):

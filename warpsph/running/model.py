@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import gc
 import math
 import os
@@ -26,7 +27,7 @@ from warpsph.kernels.core.mirror import FREE_SLIP, NO_SLIP, NO_WALL, make_sides
 from warpsph.kernels.core.params import make_params, make_phase
 from warpsph.kernels.core.poses import make_pose
 from warpsph.kernels.core.smoothing import KERNELS, window_integral
-from warpsph.kernels.core.spec import types_of
+from warpsph.kernels.core.spec import few_particles, types_of
 from warpsph.kernels.core.time_signals import FORCING_SIZE, depends_on_time
 from warpsph.measure.totals import Scene, eos_of_run
 from warpsph.running import memory
@@ -109,6 +110,8 @@ class Model:
         self.geometry = geometry if geometry is not None else build(case, support_radius(case))
         self.forcing = forcing_of(case)
         self.physics: Physics = derive(case, self.geometry, row_list=self.launcher.is_cpu)
+        if not self.launcher.is_cpu and few_particles(self.geometry.fluid_count, self.device.sm_count):
+            self.physics = dataclasses.replace(self.physics, spec=dataclasses.replace(self.physics.spec, few=True))
         unlock = float(self.physics.choices["unlock"])
         fitted = self.geometry.arrangement == "fitted"
         if geometry is None and fresh and (fitted or unlock > case.start.noise):

@@ -31,6 +31,8 @@ GUESSED_NEIGHBOURS = math.pi * 3.0**2
 GUESSED_STAGE = 2.0e-5
 SOLVE_STAGES = 100
 
+OF_DEVICES = ("row_list", "wide_list", "few")  # of a structure, what the device decides and not the scene
+
 
 def describe(case: CaseLike) -> dict[str, Any]:
     """Return what a run of the case would be: resolved case, structure, stages, and what is absent and why.
@@ -59,7 +61,7 @@ def describe(case: CaseLike) -> dict[str, Any]:
     return {
         "resolved": case.resolved(known),
         "structure": {
-            **{name: value for name, value in dataclasses.asdict(spec).items() if name not in ("row_list", "wide_list")},
+            **{name: value for name, value in dataclasses.asdict(spec).items() if name not in OF_DEVICES},
             "smoothing length": f"{physics.h:.6g} m",
             "support radius": f"{physics.support:.6g} m",
             "start arrangement": f"{geometry.arrangement}: {geometry.arrangement_reason}",
