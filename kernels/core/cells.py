@@ -29,7 +29,7 @@ from .clock import (
 )
 from .mirror import NO_WALL, code_shift, make_images, make_sides
 from .pair import BAND, NEAR, WRAPPED, list_access, make_entry, make_nearest, natural
-from .spec import Spec, curvature_type, phase_types, types, types_of
+from .spec import Spec, curvature_type, phase_types_of, types, types_of
 
 
 @functools.cache
@@ -577,7 +577,7 @@ def make_band(spec: Spec) -> tuple[Any, Any]:
     real, vec, _, _ = types_of(spec)
     has_curvature = spec.curved
     curved = curvature_type(spec)
-    phased, _ = phase_types(spec.dimension, spec.precision)
+    phased, _ = phase_types_of(spec)
     list_begin, list_step, neighbour, Listed = list_access(spec)
 
     @wp.kernel(module="unique", enable_backward=False)

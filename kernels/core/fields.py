@@ -10,7 +10,7 @@ from typing import Any
 
 import warp as wp
 
-from .spec import Spec, curvature_type, origins_type, phase_types, types_of
+from .spec import Spec, curvature_type, origins_type, phase_types_of, types_of
 
 NOBODY, FLUID, BUFFER = 0, 1, 2  # of `zone`; BUFFER + k is the buffer of the open side k
 
@@ -132,7 +132,7 @@ class Field:
     Attributes:
         name: also the argument name in kernels.
         kind: "real", "vec", "mat", "pair" (pressure, volume), "int8", "uint8", "int16", "int32",
-            "origins", a place for each window, "phased" or "normals", a number or a vector for each of three phases,
+            "origins", a place for each window, "phased" or "normals", a number or a vector for each phase,
             "curved", a number, or one for each phase where `Spec.triple` says so.
         rows: "fluid", "wall" or "all"; fluid rows come before wall rows.
         kept: part of the state between steps: follows the sort and is written to checkpoints.
@@ -159,7 +159,7 @@ class Field:
         if self.kind == "curved":
             return curvature_type(spec)
         if self.kind in ("phased", "normals"):
-            return phase_types(spec.dimension, spec.precision)[self.kind == "normals"]
+            return phase_types_of(spec)[self.kind == "normals"]
         return named.get(self.kind) or getattr(types_of(spec), self.kind)
 
 

@@ -40,7 +40,7 @@ class Spec:
         unlike_viscosity: phases differ in viscosity, so that friction between them asks for depths (riemann).
         tension: "none", "pressure_jump" or "body_force".
         kinked: weights bend the pressure between fluids by their depths, and these by the curvature (riemann).
-        triple: three phases with tensions between them, whose interfaces may meet.
+        triple: phases, three or more with tensions between them, whose interfaces may meet; 0: none do.
         contact_angle: interfaces meet walls at angles that are given, or 90 degrees.
         leaning: some of these angles are not 90 degrees.
         interface: interface normals are evaluated: in every step where `curved`, else where a gauge asks for them.
@@ -109,7 +109,7 @@ class Spec:
     unlike_viscosity: bool = False
     tension: str = "none"
     kinked: bool = False
-    triple: bool = False
+    triple: int = 0
     contact_angle: bool = False
     leaning: bool = False
     interface: bool = False
@@ -235,15 +235,20 @@ def types_of(spec: Spec) -> Types:
 
 
 @functools.cache
-def phase_types(dimension: int, precision: str) -> tuple[Any, Any]:
-    """Return the Warp types of a number and of a vector for each of three phases, the latter a row a phase."""
+def phase_types(dimension: int, precision: str, count: int) -> tuple[Any, Any]:
+    """Return the Warp types of a number and of a vector for each of `count` phases, the latter a row a phase."""
     real = types(dimension, precision).real
-    return wp.types.vector(length=3, dtype=real), wp.types.matrix(shape=(3, dimension), dtype=real)
+    return wp.types.vector(length=count, dtype=real), wp.types.matrix(shape=(count, dimension), dtype=real)
+
+
+def phase_types_of(spec: Spec) -> tuple[Any, Any]:
+    """Return the Warp types of a number and of a vector for each phase of a `Spec` whose interfaces may meet."""
+    return phase_types(spec.dimension, spec.precision, max(spec.triple, 3))
 
 
 def curvature_type(spec: Spec) -> Any:
-    """Return the Warp type of what a particle knows of interfaces: a number, or one for each of three phases."""
-    return phase_types(spec.dimension, spec.precision)[0] if spec.triple else types_of(spec).real
+    """Return the Warp type of what a particle knows of interfaces: a number, or one for each phase."""
+    return phase_types_of(spec)[0] if spec.triple else types_of(spec).real
 
 
 def origins_type(spec: Spec) -> Any:

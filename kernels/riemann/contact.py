@@ -14,7 +14,7 @@ by 3 in the second, at 30 by 13 and 6. Height of a drop at rest with f = y/y_max
 Where walls meet at an edge, n_w is the mean of both. Of several other phases around a particle the cosines are averaged;
 that of a pair without an angle is 0: 90 degrees. Where no pair has another angle, no cosines are summed (`Spec.leaning`).
 
-Of three phases whose interfaces may meet (`three_phases`) each has a normal of its own everywhere, which turns to its own
+Of three and more phases whose interfaces may meet (`meeting_phases`) each has a normal of its own, which turns to its own
 angle: with the shares C of the phases the cosine of phase k is
     sum_j W V_j sum_{l != k} C_l(j) cos(theta_kl) / sum_j W V_j sum_{l != k} C_l(j)
 """
@@ -28,7 +28,7 @@ from warpsph.kernels.core.clock import BAND_COUNT
 from warpsph.kernels.core.pair import BAND, list_access, separation_of
 from warpsph.kernels.core.params import make_params
 from warpsph.kernels.core.smoothing import KERNELS, make_smoothing
-from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, phase_types, types, types_of
+from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, phase_types_of, types, types_of
 
 # Sine of the angle between interface and wall below which the prescribed normal fades out: an interface along the wall is
 # that of a film and does not meet the wall here; the direction in which it leans is noise.
@@ -186,9 +186,10 @@ def make_contact(spec: Spec) -> Any:
 
 @functools.cache
 def make_phase_contact(spec: Spec) -> Any:
-    """Return the kernel that turns the normals of each of three phases next to walls; their lengths stay."""
+    """Return the kernel that turns the normals of each phase next to walls; their lengths stay."""
     real, vec, _, pair = types_of(spec)
-    phased, normals = phase_types(spec.dimension, spec.precision)
+    phased, normals = phase_types_of(spec)
+    phases = spec.triple
     Params = make_params(spec.dimension, spec.precision)
     shape, _ = make_smoothing(spec.kernel, spec.precision)
     separation = separation_of(spec)
@@ -198,11 +199,11 @@ def make_phase_contact(spec: Spec) -> Any:
 
     @wp.func
     def cosines_of(share: phased, contact_angles: wp.array(dtype=real)):
-        """Return the cosines of the three phases against the others, each times the others' share."""
+        """Return the cosines of the phases against the others, each times the others' share."""
         found = phased()
-        for each in range(3):
-            for other in range(3):
-                found[each] += share[other] * contact_angles[3 * each + other]  # 0 of a phase against itself
+        for each in range(phases):
+            for other in range(phases):
+                found[each] += share[other] * contact_angles[phases * each + other]  # 0 of a phase against itself
         return found
 
     @wp.kernel(module="unique", enable_backward=False, module_options=SWEEP_OPTIONS)
@@ -245,7 +246,7 @@ def make_phase_contact(spec: Spec) -> Any:
             return
         cosines = phased()
         if wp.static(spec.leaning):
-            one = phased(real(1.0), real(1.0), real(1.0))
+            one = phased(real(1.0))
             w = shape(real(0.0)) * state[i][1]
             every = w * (one - share[i])
             cosines = w * cosines_of(share[i], contact_angles)
@@ -257,10 +258,10 @@ def make_phase_contact(spec: Spec) -> Any:
                 w = shape(wp.sqrt(wp.dot(d, d)) * params.inv_h) * state[j][1]
                 every += w * (one - share[j])
                 cosines += w * cosines_of(share[j], contact_angles)
-            for each in range(3):
+            for each in range(phases):
                 cosines[each] = cosines[each] / wp.max(every[each], real(1.0e-30))
         n = phase_normal[i]
-        for each in range(3):
+        for each in range(phases):
             if interface_weight[i][each] > real(0.0):
                 strength = wp.length(n[each])
                 n[each] = -strength * wall_normal(-n[each] / strength, wall, cosines[each], height)

@@ -26,8 +26,8 @@ from .body_flow import make_body_flow, shares
 from .disorder import make_disorder_friction
 from .inertia import make_loud
 from .interface_flow import make_density_between
+from .meeting_phases import make_parts_jump
 from .star import make_carried, make_jump, make_star
-from .three_phases import make_parts_jump
 
 PRESSED = 1.1  # density over that at rest from which on the impedance follows it
 LOUDEST = 0.01  # of rho c^2, the pressure of compression that sound speeds are made for: damping goes up to it
@@ -182,7 +182,7 @@ def make_continuity(spec: Spec) -> Any:
     (list_begin, list_step, neighbour, Listed), (look, taken, onward) = list_access(spec), look_ahead(spec)
     (star_velocity, _), density_between = make_star(spec.precision, spec.paper_star), make_density_between(spec)
     laplace_jump, carried = make_jump(spec.precision), make_carried(spec.dimension, spec.precision)
-    parts_jump, curved, damps = make_parts_jump(spec.precision), curvature_type(spec), spec.acoustic_damping
+    parts_jump, curved, damps = make_parts_jump(spec), curvature_type(spec), spec.acoustic_damping
     hardening, bounded, damping = make_hardening(spec.precision), make_bounded(spec.precision), make_damping(spec)
     (gravity_of, _), separation, evenly = make_forcing(spec), separation_of(spec), make_evenly(spec)
     periodic, jumps = any(spec.periodic), spec.tension == "pressure_jump" and not spec.triple

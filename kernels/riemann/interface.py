@@ -9,7 +9,7 @@ The curvature at a particle follows from the places of the *other* particles, mo
 is, it drives the first rows of both sides apart, at any density ratio (docs/records/tension.md). So it is made the same on
 both sides (`make_evened`). Two errors of the order h^2 are taken out: what the bend of the interface adds
 (`make_straightened`), and what is smoothed along it (`sharpness`).
-Walls take no part unless `contact` turns the normals next to them. That prescribes no contact angle: drops set down at
+Next to walls `contact` turns the normals. Where they take no part, as for weights without a tension, drops set down at
 60 and 120 degrees creep towards 90 on a no-slip wall (73 and 91 after 12 and 16 capillary times) and slosh on a free-slip
 one.
 """

@@ -42,9 +42,9 @@ from warpsph.kernels.core.viscosity import make_interface_stress, make_series_me
 
 from .disorder import UNKNOWN, make_disorder_speed
 from .interface_flow import make_density_between
+from .meeting_phases import make_parts_jump
 from .room import make_window
 from .star import make_jump, make_one_sided, make_star
-from .three_phases import make_parts_jump
 from .touch import make_touch
 
 # Share of the acoustic impact pressure Z_i Z_j/(Z_i + Z_j) (u_i - u_j): all of it is stable up to dt = 1.05 h/c alone
@@ -69,7 +69,7 @@ def make_momentum(spec: Spec) -> Any:
     look, taken, onward = look_ahead(spec)
     _, star_pressure = make_star(spec.precision, spec.paper_star)
     density_between = make_density_between(spec)
-    laplace_jump, parts_jump = make_jump(spec.precision), make_parts_jump(spec.precision)
+    laplace_jump, parts_jump = make_jump(spec.precision), make_parts_jump(spec)
     curved = curvature_type(spec)
     alone_at_wall, wall_reaction = make_one_sided(spec.dimension, spec.precision)
     touching, held_off = make_touch(spec.dimension, spec.precision)

@@ -248,7 +248,7 @@ def test_each_pair_has_its_own_angle(triple, device):
     phase = np.digitize(x[:, 0], [14, 27])
     walls = np.stack(np.meshgrid(np.arange(40) + 0.5, -np.arange(LAYERS) - 0.5), axis=-1).reshape(-1, 2)
     fluids = (Fluid(), Fluid(), Fluid())
-    spec = dataclasses.replace(SPEC, triple=triple)
+    spec = dataclasses.replace(SPEC, triple=3 if triple else 0)
     bench = Bench(spec, x, spacing=1.0, phase=phase, fluids=fluids, walls=walls, cosines=cosines, device=device)
     bench.run(*riemann.curvature(bench.spec))
     if triple:  # the weights of all phases; that of the own one is that of its normal

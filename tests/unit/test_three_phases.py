@@ -1,4 +1,4 @@
-"""Interfaces of three phases, each seen by all particles: with two of them in reach as `interface` has them."""
+"""Interfaces of three and more phases, each seen by all particles: with two in reach as `interface` has them."""
 
 import dataclasses
 
@@ -21,7 +21,7 @@ def ball_and_slab(dimension, triple, device):
     centre = np.zeros(dimension)
     centre[-1] = middle
     phase = np.where(np.linalg.norm(x - centre, axis=1) < radius, 0, np.where(x[:, -1] > surface, 2, 1))
-    spec = dataclasses.replace(SPEC, dimension=dimension, periodic=(False,) * dimension, triple=triple)
+    spec = dataclasses.replace(SPEC, dimension=dimension, periodic=(False,) * dimension, triple=3 if triple else 0)
     bench = Bench(spec, x, spacing=1.0, ratio=1.5, phase=phase, fluids=FLUIDS, device=device)
     bench.prepare()
     return bench, x
@@ -52,7 +52,7 @@ def test_columns_give_the_same(device):
     phase = np.floor((np.arctan2(x[:, 1], x[:, 0]) + np.pi) / (2 * np.pi / 3) - 1e-12).astype(int)
     found = []
     for row_list in (True, False):
-        spec = dataclasses.replace(SPEC, triple=True, row_list=row_list)
+        spec = dataclasses.replace(SPEC, triple=3, row_list=row_list)
         found.append(Bench(spec, x, spacing=1.0, phase=phase, fluids=FLUIDS, device=device))
         found[-1].prepare()
     for name in ("share", "phase_normal", "interface_weight", "curvature"):
@@ -64,7 +64,7 @@ def test_shares_add_up_to_one_and_normals_to_nothing(device):
     """At a point where three sectors meet."""
     x = lattice((30, 30), 1.0, 0.1)
     phase = np.floor((np.arctan2(x[:, 1], x[:, 0]) + np.pi) / (2 * np.pi / 3) - 1e-12).astype(int)
-    bench = Bench(dataclasses.replace(SPEC, triple=True), x, spacing=1.0, phase=phase, fluids=FLUIDS, device=device)
+    bench = Bench(dataclasses.replace(SPEC, triple=3), x, spacing=1.0, phase=phase, fluids=FLUIDS, device=device)
     bench.prepare()
     middle = np.linalg.norm(x, axis=1) < 3
     assert (bench.get("share")[middle] > 0.02).all(axis=1).any()
@@ -73,11 +73,29 @@ def test_shares_add_up_to_one_and_normals_to_nothing(device):
     assert np.isfinite(bench.get("curvature")).all()
 
 
+def test_a_fourth_phase_out_of_reach_changes_nothing(device):
+    """At a point where three sectors meet, beside a fourth phase that begins a spacing beyond the support."""
+    x = lattice((40, 24), 1.0, 0.1)
+    sector = np.floor((np.arctan2(x[:, 1], x[:, 0]) + np.pi) / (2 * np.pi / 3) - 1e-12).astype(int)
+    near = np.abs(x[:, 0]) < 6
+    found = []
+    for count, phase in ((3, sector), (4, np.where(x[:, 0] > 16, 3, sector))):
+        spec = dataclasses.replace(SPEC, triple=count)
+        bench = Bench(spec, x, spacing=1.0, phase=phase, fluids=FLUIDS + (Fluid(),) * (count - 3), device=device)
+        bench.prepare()
+        found.append(bench)
+    for name in ("share", "phase_normal", "interface_weight", "curvature"):
+        three, four = (bench.get(name)[near] for bench in found)
+        np.testing.assert_allclose(four[:, :3], three, rtol=1e-12, atol=1e-12, err_msg=name)
+        assert (four[:, 3] == 0).all()
+
+
 @pytest.mark.parametrize(
-    ("tensions", "expected"), [((1, 0.8, 0.6), True), ((1, 0.8, 0), True), ((1, 0, 0), False), ((1,), False)]
+    ("tensions", "expected"),
+    [((1, 0.8, 0.6), True), ((1, 0.8, 0), True), ((1, 0, 0), False), ((1,), False), ((1, 0, 0, 0, 0, 1), True)],
 )
 def test_three_phases_with_two_tensions_may_meet(tensions, expected):
     """Two phases, or one pair alone with a tension, are left to the curvature of a pair."""
-    matrix = np.zeros((3, 3)) if len(tensions) == 3 else np.zeros((2, 2))
+    matrix = np.zeros((2, 2) if len(tensions) == 1 else (3, 3) if len(tensions) == 3 else (4, 4))
     matrix[np.triu_indices(len(matrix), 1)] = tensions
     assert has_triple_points(matrix + matrix.T) is expected

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import warpsph
 from warpsph.scene.geometry import build
 from warpsph.scene.physics import support_radius
 
@@ -64,3 +65,33 @@ def test_a_point_is_pulled_as_the_tensions_pull(triple_point, tensions, angles):
         found.append(back @ triple_point.pulls(triple_point.three_sectors(directions + turn, matrix), matrix)["program"])
     error = 2.0 * np.std(found, axis=0).max() / math.sqrt(len(found))
     assert np.hypot(*(np.mean(found, axis=0) - exact)) < 0.052 + error
+
+
+def with_a_fourth(case):
+    """Return the case with a phase of its own beyond x = 14, out of reach of the middle, and the tensions of all pairs."""
+    scene = case.to_dict()
+    scene["phases"] = {**scene["phases"], "tin": dict(scene["phases"]["air"])}
+    tin = "x > 14"
+    for fluid in scene["fluids"][:2]:
+        condition = fluid["shape"]["where"]["condition"]
+        fluid["shape"] = {"where": {"condition": f"({condition}) and not ({tin})"}}
+    scene["fluids"] = [{"phase": "tin", "shape": {"where": {"condition": tin}}}, *scene["fluids"]]
+    scene["surface_tension"] += [{"between": ["tin", name], "coefficient": 2.0} for name in ("oil", "water", "air")]
+    return warpsph.Case.from_dict(scene)
+
+
+def test_a_point_of_three_out_of_four_phases(triple_point):
+    """As with three: the third phase of a pair is the one that is there."""
+    tensions, angles = (1.0, 0.8, 0.6), (90.0, 143.13, 126.87)
+    water_air, water_oil, oil_air = tensions
+    matrix = np.array([[0, water_oil, oil_air], [water_oil, 0, water_air], [oil_air, water_air, 0]])
+    four = np.pad(matrix, (0, 1), constant_values=2.0)
+    four[3, 3] = 0
+    directions = np.radians(np.cumsum([0.0, *angles[:2]]))
+    found = []
+    for turn in np.radians([5.0, 50.0, 95.0, 140.0, 185.0, 230.0, 275.0, 320.0]):
+        back = np.array([[math.cos(turn), math.sin(turn)], [-math.sin(turn), math.cos(turn)]])
+        case = with_a_fourth(triple_point.three_sectors(directions + turn, matrix))
+        found.append(back @ triple_point.pulls(case, four)["program"])
+    error = 2.0 * np.std(found, axis=0).max() / math.sqrt(len(found))
+    assert np.hypot(*np.mean(found, axis=0)) < 0.052 + error

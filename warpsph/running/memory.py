@@ -159,7 +159,7 @@ def on_device(case: Case, spec: Spec, fluid: int, walls: int, support: float, sk
     real = 8 if spec.precision == "float64" else 4
     size = {"real": real, "vec": spec.dimension * real, "mat": spec.dimension**2 * real, "pair": 2 * real}
     size["origins"] = spec.windows * size["vec"]
-    size.update(phased=3 * real, normals=3 * size["vec"], curved=(3 if spec.triple else 1) * real)
+    size.update(phased=spec.triple * real, normals=spec.triple * size["vec"], curved=max(spec.triple, 1) * real)
     size.update(int8=1, uint8=1, int16=2, int32=4)
     rows = {"fluid": fluid, "wall": walls, "all": fluid + walls}
     fields = [field for field in case.scheme.fields() if field.exists(spec)]
@@ -202,7 +202,7 @@ def _structure(case: Case, found: Count, row_list: bool) -> Spec:
         walls=found.walls > 0,
         wall_no_slip=viscous and found.walls > 0,
         tension="pressure_jump" if tension else "none",
-        triple=tension and len(case.phases) == 3,
+        triple=len(case.phases) if tension and len(case.phases) > 2 else 0,
         leaning=tension and found.walls > 0 and bool(np.any(contact_matrix(case) != 0)),
         interface=several and (tension or measured),
         paper_star=paper and several,

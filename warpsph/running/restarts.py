@@ -82,10 +82,10 @@ def check_fit(model: Model, state: Mapping[str, np.ndarray], attributes: Mapping
     weights = state.get("interface_weight")
     if not problems and weights is not None and "interface_weight" in model.particles.fields:
         balanced = weights.ndim == 2  # one weight for each phase
-        if balanced != model.physics.spec.triple:
+        if balanced != (model.physics.spec.triple > 0):
             rule = (
                 f"the checkpoint is of a run {'with' if balanced else 'without'} a balance of tensions where three fluids "
-                "meet, which runs of three fluids have if two pairs or more have a tension"
+                "meet, which runs of three fluids and more have if two pairs or more have a tension"
             )
             problems.append(Problem("surface_tension", model.case.to_dict()["surface_tension"], rule, SAME_CASE))
     if problems:

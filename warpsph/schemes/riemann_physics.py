@@ -213,7 +213,7 @@ def derive(case: Case, geometry: Geometry, row_list: bool = True) -> Physics:
         unlike_viscosity=viscous and star != "arithmetic" and len({phase.viscosity for phase in phases}) > 1,
         tension=str(tension_form) if has_tension else "none",
         kinked=kinked,
-        triple=tension_form == "pressure_jump" and not paper and has_triple_points(tension),
+        triple=len(phases) if tension_form == "pressure_jump" and not paper and has_triple_points(tension) else 0,
         contact_angle=angles,
         leaning=angles and bool(np.any(contact_matrix(case) != 0)),
         interface=len(phases) > 1
@@ -359,8 +359,8 @@ def momentum_axes(case: Case) -> tuple[int, ...]:
 
 
 def has_triple_points(tension: np.ndarray) -> bool:
-    """Return whether there are three phases, and tensions between at least two pairs of them, as a matrix [N/m]."""
-    return len(tension) == 3 and int(np.count_nonzero(np.triu(tension, 1) > 0)) > 1
+    """Return whether there are three phases or more, and tensions between at least two pairs, as a matrix [N/m]."""
+    return len(tension) > 2 and int(np.count_nonzero(np.triu(tension, 1) > 0)) > 1
 
 
 def crossings(onset: float) -> float:

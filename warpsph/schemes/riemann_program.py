@@ -21,18 +21,18 @@ from warpsph.kernels.riemann.interface import make_curvature, make_evened, make_
 from warpsph.kernels.riemann.interface_flow import make_interface_flow
 from warpsph.kernels.riemann.interface_gradient import make_interface_gradient
 from warpsph.kernels.riemann.load import make_load
+from warpsph.kernels.riemann.meeting_phases import (
+    make_phase_curvatures,
+    make_phase_evened,
+    make_phase_normals,
+    make_phase_shares,
+)
 from warpsph.kernels.riemann.momentum import make_momentum
 from warpsph.kernels.riemann.printed_load import make_printed_load
 from warpsph.kernels.riemann.printed_sweeps import make_printed_continuity, make_printed_momentum
 from warpsph.kernels.riemann.printed_tension import make_printed_colour, make_printed_curvature, make_printed_normal
 from warpsph.kernels.riemann.relaxation import make_relaxation
 from warpsph.kernels.riemann.surface_room import make_surface_room, make_thin
-from warpsph.kernels.riemann.three_phases import (
-    make_phase_curvatures,
-    make_phase_evened,
-    make_phase_normals,
-    make_phase_shares,
-)
 from warpsph.kernels.riemann.volume import make_volume
 from warpsph.schemes.map_stages import exponents, follow_shift, windows
 from warpsph.schemes.open_stages import buffer_gradient, closed_sides, crossing, fill, open_flow, sponge
@@ -210,7 +210,7 @@ def curvature(spec: Spec) -> list[Stage]:
             Stage("curvature", make_printed_curvature(spec), "fluid", "interface curvature, eq (23)"),
         ]
     if spec.triple:
-        return three_phases(spec)
+        return meeting_phases(spec)
     stages = [
         Stage("own_fraction", make_fraction(spec), "band", "colour for the curvature"),
         Stage("colour_normal", make_normal(spec), "band", "interface normals"),
@@ -225,14 +225,14 @@ def curvature(spec: Spec) -> list[Stage]:
     return stages
 
 
-def three_phases(spec: Spec) -> list[Stage]:
-    """Return the stages that find the curvature of the interface of each of three phases."""
+def meeting_phases(spec: Spec) -> list[Stage]:
+    """Return the stages that find the curvature of the interface of each phase, where three and more may meet."""
     turned = []
     if spec.contact_angle:
         text = "contact angle: normals of each phase next to walls"
         turned = [Stage("phase_contact", make_phase_contact(spec), "band", text)]
     return [
-        Stage("phase_shares", make_phase_shares(spec), "band", "colours for the surface tension of three phases"),
+        Stage("phase_shares", make_phase_shares(spec), "band", "colours for the surface tension of phases that meet"),
         Stage("phase_normals", make_phase_normals(spec), "band", "normals of the interface of each phase"),
         *turned,
         Stage("phase_curvatures", make_phase_curvatures(spec), "band", "curvature of the interface of each phase"),

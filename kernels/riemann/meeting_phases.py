@@ -1,13 +1,14 @@
-"""Geometry of the interfaces where three phases meet, on the particles of the interface band (theory: riemann#a6-three).
+"""Geometry of interfaces where three and more phases meet, on the particles of the interface band (riemann#a6-three).
 
 Two phases need one number a particle, since the interface of a phase is that of the other (`interface`). Where a third one
 is in reach each phase k has an interface of its own, seen by all particles, of whatever phase:
     C_k(i)     = sum_{j in k} W V_j / sum_j W V_j                     share of the phase, itself included
     n_k(i)     = L_i sum_j (C_k(j) - C_k(i)) grad_i W V_j             into the phase; L_i as in `interface`
     kappa_k(i) = div(-n_k/|n_k|)                                      positive where the phase is convex
-and the tension of a pair is shared out to its phases, sigma_ij = s_i + s_j. With the jump J = s_i kappa_i - s_j kappa_j the
-pull of phase k on the points of its corner is s_k times the sum of both directions in which its sides leave, whatever the
-angle between them, and all three together are sum sigma t (Smith, Solis & Chopp 2002). With two phases in reach n_1 = -n_2,
+and the tension of a pair is shared out to its phases, sigma_ij = s_i + s_j for the three that meet at a point. With the jump
+J = s_i kappa_i - s_j kappa_j the pull of phase k on the points of its corner is s_k times the sum of both directions in
+which its sides leave, whatever the angle between them, and all three together are sum sigma t (Smith, Solis & Chopp 2002).
+Of four and more phases the third is the one whose share changes most there. With two phases in reach n_1 = -n_2,
 kappa_1 = -kappa_2, and everything is what `interface` has.
 """
 
@@ -20,21 +21,21 @@ from warpsph.kernels.core.clock import BAND_COUNT
 from warpsph.kernels.core.pair import BAND, list_access, separation_of
 from warpsph.kernels.core.params import make_params
 from warpsph.kernels.core.smoothing import KERNELS, make_smoothing
-from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, phase_types, types, types_of
+from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, phase_types_of, types_of
 
 from .interface import FAINTEST, NARROW, SHARPEST, SMALLEST_MOMENT, make_straightened, sharpness
 
 
 @functools.cache
-def make_parts_jump(precision: str) -> Any:
+def make_parts_jump(spec: Spec) -> Any:
     """Return the `wp.func` parts_jump(tension, a, b, curvature, weight, i, j) = J_ij = s_a k_a - s_b k_b [Pa].
 
     Arguments of the function: the tensions of all pairs [N/m], row by row; the phases a of i and b of j; of all particles
-    the curvatures of the three phases [1/m] and the weights of their gradients; the particles i and j. k_a is the mean of i
-    and j with these weights, and s_a = (sigma_ab + sigma_ac - sigma_bc)/2 with the third phase c. J_ji = -J_ij.
+    the curvatures of the phases [1/m] and the weights of their gradients; the particles i and j. k_a is the mean of i and j
+    with these weights, and s_a = (sigma_ab + sigma_ac - sigma_bc)/2 with the third phase c, of several that whose gradient
+    is the strongest there. J_ji = -J_ij.
     """
-    real, _, _, _ = types(2, precision)
-    phased, _ = phase_types(2, precision)
+    real, (phased, _), count = types_of(spec).real, phase_types_of(spec), max(spec.triple, 3)
 
     @wp.func
     def parts_jump(
@@ -49,8 +50,15 @@ def make_parts_jump(precision: str) -> Any:
         kappa_i, kappa_j = curvature[i], curvature[j]
         w_i, w_j = weight[i], weight[j]
         c = 3 - a - b
-        joint = tension[a * 3 + b]
-        skew = tension[a * 3 + c] - tension[b * 3 + c]
+        if wp.static(count > 3):
+            strongest = real(-1.0)
+            for each in range(count):
+                strength = w_i[each] + w_j[each]
+                if each != a and each != b and strength > strongest:
+                    strongest = strength
+                    c = each
+        joint = tension[a * count + b]
+        skew = tension[a * count + c] - tension[b * count + c]
         jump = real(0.0)
         both = w_i[a] + w_j[a]
         if both > real(1.0e-9):
@@ -65,9 +73,10 @@ def make_parts_jump(precision: str) -> Any:
 
 @functools.cache
 def make_phase_shares(spec: Spec) -> Any:
-    """Return the kernel of the shares C_k of the three phases around a particle."""
+    """Return the kernel of the shares C_k of the phases around a particle."""
     real, vec, _, pair = types_of(spec)
-    phased, _ = phase_types(spec.dimension, spec.precision)
+    phased, _ = phase_types_of(spec)
+    phases = spec.triple
     Params = make_params(spec.dimension, spec.precision)
     shape, _ = make_smoothing(spec.kernel, spec.precision)
     separation = separation_of(spec)
@@ -109,10 +118,13 @@ def make_phase_shares(spec: Spec) -> Any:
             k += step
             d = separation(xi, position[j], True, params)
             found[int(phase[j])] += shape(wp.sqrt(wp.dot(d, d)) * params.inv_h) * state[j][1]
-        found = found / (found[0] + found[1] + found[2])
+        every = real(0.0)
+        for each in range(phases):
+            every += found[each]
+        found = found / every
         # exactly 1 without another phase in reach, which a quotient is not by the quick division of a GPU
         others = real(0.0)
-        for each in range(3):
+        for each in range(phases):
             if each != own:
                 others += found[each]
         found[own] = real(1.0) - others
@@ -129,7 +141,8 @@ def make_phase_normals(spec: Spec) -> Any:
     `normal` is that of the own phase, for outputs and gauges.
     """
     real, vec, mat, pair = types_of(spec)
-    phased, normals = phase_types(spec.dimension, spec.precision)
+    phased, normals = phase_types_of(spec)
+    phases = spec.triple
     Params = make_params(spec.dimension, spec.precision)
     _, slope = make_smoothing(spec.kernel, spec.precision)
     separation = separation_of(spec)
@@ -178,7 +191,7 @@ def make_phase_normals(spec: Spec) -> Any:
         if wp.determinant(moment) > real(SMALLEST_MOMENT):
             n = n * wp.inverse(moment)  # symmetric
         weight = phased()
-        for each in range(3):
+        for each in range(phases):
             strength2 = wp.length_sq(n[each]) * params.h * params.h
             if strength2 >= real(FAINTEST * FAINTEST):
                 weight[each] = strength2
@@ -191,9 +204,10 @@ def make_phase_normals(spec: Spec) -> Any:
 
 @functools.cache
 def make_phase_curvatures(spec: Spec) -> Any:
-    """Return the kernel of the curvatures kappa_k [1/m] of the three phases, clamped to what the kernel can resolve."""
+    """Return the kernel of the curvatures kappa_k [1/m] of the phases, clamped to what the kernel can resolve."""
     real, vec, mat, pair = types_of(spec)
-    phased, normals = phase_types(spec.dimension, spec.precision)
+    phased, normals = phase_types_of(spec)
+    phases = spec.triple
     Params = make_params(spec.dimension, spec.precision)
     _, slope = make_smoothing(spec.kernel, spec.precision)
     separation = separation_of(spec)
@@ -231,7 +245,7 @@ def make_phase_curvatures(spec: Spec) -> Any:
         begin = list_begin(i, list_width)
         end = begin + int(fluid_neighbours[i]) * step
         each = int(0)
-        while each < 3:
+        while each < phases:
             if interface_weight[i][each] > real(0.0):
                 unit_i = wp.normalize(phase_normal[i][each])
                 moment = mat()
@@ -264,7 +278,8 @@ def make_phase_evened(spec: Spec, sharp: bool) -> Any:
     Of the phase k both sides of its interface take part, with the same sign.
     """
     real, vec, _, pair = types_of(spec)
-    phased, normals = phase_types(spec.dimension, spec.precision)
+    phased, normals = phase_types_of(spec)
+    phases = spec.triple
     Params = make_params(spec.dimension, spec.precision)
     separation = separation_of(spec)
     list_begin, list_step, neighbour, Listed = list_access(spec)
@@ -306,7 +321,7 @@ def make_phase_evened(spec: Spec, sharp: bool) -> Any:
         begin = list_begin(i, list_width)
         end = begin + int(fluid_neighbours[i]) * step
         each = int(0)
-        while each < 3:
+        while each < phases:
             weight = interface_weight[i][each]
             if weight > real(0.0):
                 unit_i = wp.normalize(phase_normal[i][each])
@@ -332,7 +347,7 @@ def make_phase_evened(spec: Spec, sharp: bool) -> Any:
             each += 1
         if wp.static(sharp):
             limit = real(SHARPEST) * params.inv_h
-            for each in range(3):
+            for each in range(phases):
                 means[each] = wp.clamp(own[each] + real(sharper) * (own[each] - means[each]), -limit, limit)
             curvature[i] = means
         else:
