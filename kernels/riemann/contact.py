@@ -11,7 +11,8 @@ The square, because with half a support the computed normals lean towards 90 deg
 by 3 in the second, at 30 by 13 and 6. Height of a drop at rest with f = y/y_max and with the square, 10 particles a radius
 (`sessile_drop-R_10*`): 6.4 and 2.4 % off at 60 degrees, -0.7 and 0.7 % at 90, -2.6 and 0.1 % at 120.
 
-Where walls meet at an edge, n_w is the mean of both. Of several other phases around a particle the cosines are averaged;
+Where sides of the domain or cells meet at an edge, each turns the normal by itself; of bodies with a surface n_w is the mean
+in reach. Of several other phases around a particle the cosines are averaged;
 that of a pair without an angle is 0: 90 degrees. Where no pair has another angle, no cosines are summed (`Spec.leaning`).
 
 Of three and more phases whose interfaces may meet (`meeting_phases`) each has a normal of its own, which turns to its own
@@ -61,21 +62,34 @@ def make_wall_normal(dimension: int, precision: str) -> Any:
 
 
 @functools.cache
-def make_wall_beside(spec: Spec) -> Any:
-    """Return the `wp.func` wall_beside(neighbours, position, xi, i, begin, end, list_step, params) = n_w, y/y_max.
+def make_walls_beside(spec: Spec) -> Any:
+    """Return the `wp.func` walls_beside(neighbours, position, xi, i, begin, end, list_step, params) = walls, heights.
 
-    n_w: unit normal of the wall into the fluid, zero out of reach of walls, where y/y_max is 1. Arguments: the list and its
-    entries of wall particles from begin to end.
+    walls: a matrix of unit normals into the fluid, a row a wall; heights: y/y_max of each, 1 where there is none. Arguments:
+    the list and its entries of wall particles from begin to end. Walls of cells are planes across the axes, each by itself:
+    those in the column of cells in which a particle lies. A layer on the floor that meets a side does not meet the floor.
+    A body with a surface is one wall, with the mean of the normals in reach, and the sides of its scene count with it.
     """
-    real, vec, _, _ = types_of(spec)
+    real, vec, mat, _ = types_of(spec)
     Params = make_params(spec.dimension, spec.precision)
     _, slope = make_smoothing(spec.kernel, spec.precision)
     separation = separation_of(spec)
     _, _, neighbour, Listed = list_access(spec)
     reach = KERNELS[spec.kernel].support
+    dimension = spec.dimension
 
     @wp.func
-    def wall_beside(
+    def heights_of(depths: vec, params: Params):
+        # the outermost row of a wall is half a spacing behind its surface
+        support = real(reach) * params.h
+        half = real(0.5) * params.spacing
+        heights = vec()
+        for axis in range(dimension):
+            heights[axis] = wp.clamp((depths[axis] - half) / (support - half), real(0.0), real(1.0))
+        return heights
+
+    @wp.func
+    def walls_beside(
         neighbours: Listed,
         position: wp.array(dtype=vec),
         xi: vec,
@@ -85,30 +99,41 @@ def make_wall_beside(spec: Spec) -> Any:
         step: int,
         params: Params,
     ):
-        wall = vec()
-        k = begin
-        while k < end:
-            d = separation(xi, position[neighbour(neighbours, i, k)], True, params)
-            k += step
-            wall -= slope(wp.sqrt(wp.dot(d, d)) * params.inv_h) * d
-        height = real(1.0)
-        size = wp.length(wall)
-        if size > real(0.0):  # else in the list, but out of reach
-            wall = wall / size
-            # the outermost row of a wall is half a spacing behind its surface
-            support = real(reach) * params.h
-            half = real(0.5) * params.spacing
-            depth = support
+        walls = mat()
+        support = real(reach) * params.h
+        depths = vec(support)
+        if wp.static(spec.bodies):
+            mean = vec()
             k = begin
             while k < end:
                 d = separation(xi, position[neighbour(neighbours, i, k)], True, params)
                 k += step
-                if wp.dot(d, d) < support * support:
-                    depth = wp.min(depth, wp.dot(d, wall))
-            height = wp.clamp((depth - half) / (support - half), real(0.0), real(1.0))
-        return wall, height
+                mean -= slope(wp.sqrt(wp.dot(d, d)) * params.inv_h) * d
+            size = wp.length(mean)
+            if size > real(0.0):  # else in the list, but out of reach
+                walls[0] = mean / size
+                k = begin
+                while k < end:
+                    d = separation(xi, position[neighbour(neighbours, i, k)], True, params)
+                    k += step
+                    if wp.dot(d, d) < support * support:
+                        depths[0] = wp.min(depths[0], wp.dot(d, mean) / size)
+        else:
+            k = begin
+            while k < end:
+                d = separation(xi, position[neighbour(neighbours, i, k)], True, params)
+                k += step
+                for axis in range(dimension):
+                    aside = real(0.0)
+                    for other in range(dimension):
+                        if other != axis:
+                            aside = wp.max(aside, wp.abs(d[other]))
+                    if aside < real(0.75) * params.spacing and wp.abs(d[axis]) < depths[axis]:
+                        depths[axis] = wp.abs(d[axis])
+                        walls[axis, axis] = wp.sign(d[axis])
+        return walls, heights_of(depths, params)
 
-    return wall_beside
+    return walls_beside
 
 
 @functools.cache
@@ -119,7 +144,8 @@ def make_contact(spec: Spec) -> Any:
     shape, _ = make_smoothing(spec.kernel, spec.precision)
     separation = separation_of(spec)
     list_begin, list_step, neighbour, Listed = list_access(spec)
-    wall_beside = make_wall_beside(spec)
+    walls_beside = make_walls_beside(spec)
+    dimension = spec.dimension
     wall_normal = make_wall_normal(spec.dimension, spec.precision)
 
     @wp.kernel(module="unique", enable_backward=False, module_options=SWEEP_OPTIONS)
@@ -149,15 +175,15 @@ def make_contact(spec: Spec) -> Any:
             i = band[i]
         elif (int(flags[i]) & BAND) == 0:
             return
-        walls = int(wall_neighbours[i])
-        if walls == 0 or interface_weight[i] == real(0.0):
+        beside = int(wall_neighbours[i])
+        if beside == 0 or interface_weight[i] == real(0.0):
             return
         xi = position[i]
         step = list_step(particle_count)
         begin = list_begin(i, list_width)
         middle = begin + int(fluid_neighbours[i]) * step
-        wall, height = wall_beside(neighbours, position, xi, i, middle, middle + walls * step, step, params)
-        if height == real(1.0):
+        walls, heights = walls_beside(neighbours, position, xi, i, middle, middle + beside * step, step, params)
+        if wp.min(heights) == real(1.0):
             return
         inward = normal[i]  # into the own phase, where the angle is measured between the wall and its outside
         strength = wp.length(inward)
@@ -179,7 +205,10 @@ def make_contact(spec: Spec) -> Any:
             if every == real(0.0):
                 return
             cosine = cosine / every
-        normal[i] = -strength * wall_normal(-inward / strength, wall, cosine, height)
+        unit = -inward / strength
+        for axis in range(dimension):
+            unit = wall_normal(unit, walls[axis], cosine, heights[axis])
+        normal[i] = -strength * unit
 
     return contact_normal
 
@@ -194,7 +223,8 @@ def make_phase_contact(spec: Spec) -> Any:
     shape, _ = make_smoothing(spec.kernel, spec.precision)
     separation = separation_of(spec)
     list_begin, list_step, neighbour, Listed = list_access(spec)
-    wall_beside = make_wall_beside(spec)
+    walls_beside = make_walls_beside(spec)
+    dimension = spec.dimension
     wall_normal = make_wall_normal(spec.dimension, spec.precision)
 
     @wp.func
@@ -234,15 +264,15 @@ def make_phase_contact(spec: Spec) -> Any:
             i = band[i]
         elif (int(flags[i]) & BAND) == 0:
             return
-        walls = int(wall_neighbours[i])
-        if walls == 0:
+        beside = int(wall_neighbours[i])
+        if beside == 0:
             return
         xi = position[i]
         step = list_step(particle_count)
         begin = list_begin(i, list_width)
         middle = begin + int(fluid_neighbours[i]) * step
-        wall, height = wall_beside(neighbours, position, xi, i, middle, middle + walls * step, step, params)
-        if height == real(1.0):
+        walls, heights = walls_beside(neighbours, position, xi, i, middle, middle + beside * step, step, params)
+        if wp.min(heights) == real(1.0):
             return
         cosines = phased()
         if wp.static(spec.leaning):
@@ -264,7 +294,10 @@ def make_phase_contact(spec: Spec) -> Any:
         for each in range(phases):
             if interface_weight[i][each] > real(0.0):
                 strength = wp.length(n[each])
-                n[each] = -strength * wall_normal(-n[each] / strength, wall, cosines[each], height)
+                unit = -n[each] / strength
+                for axis in range(dimension):
+                    unit = wall_normal(unit, walls[axis], cosines[each], heights[axis])
+                n[each] = -strength * unit
         phase_normal[i] = n
         normal[i] = n[int(phase[i])]
 

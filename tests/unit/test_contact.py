@@ -219,6 +219,23 @@ def test_an_interface_that_does_not_reach_the_wall_keeps_its_normals():
     assert np.all(np.diff(left) > 0) and left[-1] > 1 - 1e-6
 
 
+@pytest.mark.parametrize("triple", [0, 3], ids=["a normal", "a normal of each phase"])
+def test_a_layer_that_meets_a_side_does_not_meet_the_floor(triple, device):
+    """Three rows on the floor, in reach of it, beside a side: the mean of both walls turned normals by 45 degrees."""
+    x = lattice((20, 12), 1.0, 0.0, 1, centre=False)
+    around = np.stack(np.meshgrid(np.arange(-LAYERS, 20) + 0.5, np.arange(-LAYERS, 12) + 0.5), axis=-1).reshape(-1, 2)
+    walls = around[(around < 0).any(axis=1)]
+    spec = dataclasses.replace(SPEC, leaning=False, triple=triple)
+    fluids = (Fluid(),) * max(triple, 2)
+    bench = Bench(spec, x, spacing=1.0, walls=walls, phase=(x[:, 1] > 3).astype(int), fluids=fluids, device=device)
+    bench.run(*riemann.curvature(bench.spec))
+    normal = bench.get("normal")[(np.abs(x[:, 1] - 3) < 2) & (x[:, 0] < 4)]
+    assert len(normal) == 16
+    # sums over one side lean by a degree; near the side they are turned upright
+    lean = np.degrees(np.arctan2(np.abs(normal[:, 0]), np.abs(normal[:, 1])))
+    assert lean.max() < 2.0
+
+
 def test_a_wall_in_three_dimensions(device):
     spec = dataclasses.replace(SPEC, dimension=3, periodic=(False,) * 3)
     bench, x = edge(60, spec=spec, device=device)
