@@ -129,7 +129,7 @@ def budget_arrays(device: Any) -> dict[str, Any]:
     import warp as wp
 
     from warpsph.case.budget_terms import TERMS
-    from warpsph.kernels.core.clock import FOLDS
+    from warpsph.kernels.core.block_sums import FOLDS
     from warpsph.kernels.delta.budget_sums import BLOCKS, Sum
 
     terms, blocks = len(TERMS), BLOCKS[bool(device.is_cpu)]
