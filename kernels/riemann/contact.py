@@ -12,8 +12,8 @@ by 3 in the second, at 30 by 13 and 6. Height of a drop at rest with f = y/y_max
 (`sessile_drop-R_10*`): 6.4 and 2.4 % off at 60 degrees, -0.7 and 0.7 % at 90, -2.6 and 0.1 % at 120.
 
 Where sides of the domain or cells meet at an edge, each turns the normal by itself; of bodies with a surface n_w is the mean
-in reach. Of several other phases around a particle the cosines are averaged;
-that of a pair without an angle is 0: 90 degrees. Where no pair has another angle, no cosines are summed (`Spec.leaning`).
+in reach. Of several other phases around a particle the cosines are averaged; that of a pair without an angle is 0: 90
+degrees. Where no pair has another angle, no cosines are summed (`Spec.leaning`).
 
 Of three and more phases whose interfaces may meet (`meeting_phases`) each has a normal of its own, which turns to its own
 angle: with the shares C of the phases the cosine of phase k is
