@@ -13,7 +13,7 @@ KERNELS = sorted((ROOT / "kernels").rglob("*.py"))
 HEAVY = {"pyvista", "vtk", "vtkmodules", "matplotlib", "h5py", "scipy"}
 
 # Kernel modules that schemes import and that are no stages: structure, fields, numbers and clock of a run.
-NOT_STAGES = {"spec", "fields", "params", "clock", "smoothing", "time_signals", "poses"}
+NOT_STAGES = {"spec", "fields", "params", "clock", "smoothing", "time_signals", "poses", "block_sums"}
 
 
 def name_of(path: Path) -> str:
