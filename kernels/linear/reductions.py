@@ -9,11 +9,6 @@ from typing import Any
 
 import warp as wp
 
-from warpsph.kernels.core.block_sums import LANES
-
-__all__ = ["LANES"]
-
-
 
 @wp.func_native("#if defined(__CUDA_ARCH__)\n__syncthreads();\n#endif\n")
 def barrier():

@@ -254,7 +254,8 @@ def absent(spec: Spec) -> list[Absent]:
         why = "neither surface tension, nor weights that differ"
         rows.append(Absent("own_fraction, colour_normal, curvature, mean_curvature, sharp_curvature", why))
     if not spec.contact_angle:
-        rows.append(Absent("contact_normal", "no tension at walls: they take no part in the interfaces"))
+        why = "the printed form has no contact angles" if spec.printed else "no tension at walls"
+        rows.append(Absent("contact_normal", f"{why}: walls take no part in the interfaces"))
     if spec.viscosity == "none":
         rows.append(Absent("viscous term", "all viscosities are zero"))
     if spec.multiphase and spec.viscosity != "none" and not spec.viscous_jump:

@@ -31,10 +31,10 @@ import warp as wp
 
 from warpsph.engine.launch import Bindings, Launcher, Task
 from warpsph.errors import CapacityError
+from warpsph.kernels.core.block_sums import LANES
 from warpsph.kernels.core.spec import types
 from warpsph.kernels.linear import solve_state as entry
 from warpsph.kernels.linear.krylov import make_kernels
-from warpsph.kernels.linear.reductions import LANES
 from warpsph.solvers.accuracy import attainable
 
 LARGEST_NARROW = 2**31 - 1  # entries that one 32-bit index reaches

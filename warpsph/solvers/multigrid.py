@@ -26,10 +26,10 @@ import warp as wp
 
 from warpsph.engine.launch import Bindings, Launcher, Task
 from warpsph.errors import CapacityError
+from warpsph.kernels.core.block_sums import LANES
 from warpsph.kernels.core.spec import types
 from warpsph.kernels.linear.grid_cycle import Kernels, make_kernels
 from warpsph.kernels.linear.levels import COLLAPSE, HALVE, MOST_SWEEPS, STAY, Level, SweepWeights, make_frame
-from warpsph.kernels.linear.reductions import LANES
 from warpsph.solvers.linear_solver import EllMatrix, Rows
 
 LARGEST_ARRAY = 2**31 - 1
