@@ -9,6 +9,8 @@ from typing import Any
 
 import warp as wp
 
+from warpsph.kernels.core.block_sums import make_block_sums
+
 
 @wp.func_native("#if defined(__CUDA_ARCH__)\n__syncthreads();\n#endif\n")
 def barrier():
@@ -37,26 +39,10 @@ def make_sums(row_list: bool) -> tuple[Any, Any]:
             return total
 
     else:
+        store_block, total_sums = make_block_sums(wp.vec3d, False)
 
         @wp.func
         def store_sums(t: int, a: wp.float64, b: wp.float64, c: wp.float64, sums: wp.array(dtype=wp.vec3d)):
-            sum_a = wp.tile_sum(wp.tile(a))
-            sum_b = wp.tile_sum(wp.tile(b))
-            sum_c = wp.tile_sum(wp.tile(c))
-            total = wp.vec3d(sum_a[0], sum_b[0], sum_c[0])
-            if t % wp.block_dim() == 0:
-                sums[t / wp.block_dim()] = total
-
-        @wp.func
-        def total_sums(t: int, block_count: int, sums: wp.array(dtype=wp.vec3d)):
-            own = wp.vec3d()
-            k = int(t)
-            while k < block_count:
-                own += sums[k]
-                k += wp.block_dim()
-            sum_a = wp.tile_sum(wp.tile(own[0]))
-            sum_b = wp.tile_sum(wp.tile(own[1]))
-            sum_c = wp.tile_sum(wp.tile(own[2]))
-            return wp.vec3d(sum_a[0], sum_b[0], sum_c[0])
+            store_block(t, wp.vec3d(a, b, c), sums)
 
     return store_sums, total_sums
