@@ -5,7 +5,8 @@
 
 Scenes (all, if none is named): `droplet`, a square droplet of two phases with tension between walls; `vortices`, the
 Taylor-Green flow with the defaults of the Riemann scheme; `lean`, the same with the conservative gradient and
-h = 1.25 dx; `delta`, the same with delta-plus-SPH; `drop`, the elliptic drop of projection ISPH; `blast`, the point
+h = 1.25 dx; `surface`, the dam break of the Riemann scheme; `bubble`, the bubble that rises, water and air with tension
+between walls; `delta`, vortices with delta-plus-SPH; `drop`, the elliptic drop of projection ISPH; `blast`, the point
 explosion of the compressible gas in 2-D.
 
 Steps run from the host, stage by stage, on a GPU too, with the device's own clock around each: what a graph saves between
@@ -70,6 +71,8 @@ SCENES: dict[str, Callable[[int], dict[str, Any]]] = {
     "droplet": lambda n: bench_speed.square_droplet(across(n)),
     "vortices": lambda n: bench_speed.taylor_green(across(n), False),
     "lean": lambda n: bench_speed.taylor_green(across(n), True),
+    "surface": lambda n: shipped("dam_break", (0.146 * 0.292 / n) ** 0.5),
+    "bubble": lambda n: shipped("rising_bubble", (0.6 / n) ** 0.5),
     "delta": lambda n: bench_speed.delta_plus(across(n)),
     "drop": lambda n: shipped("elliptic_drop", (np.pi / n) ** 0.5),
     "blast": lambda n: shipped("sedov", 1.0 / across(n)),

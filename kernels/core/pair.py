@@ -27,6 +27,27 @@ def natural(number: int):
 
 
 @functools.cache
+def make_at(dtype: Any) -> Any:
+    """Return the `wp.func` at(values, j): entry j >= 0 of a field of a type, which has no gaps.
+
+    Warp reads an array with the stride that it has and counts a negative index from its end: a multiplication and three
+    instructions for each array that a pair reads. Here neither is done. Warp's debug mode checks what it reads itself.
+    """
+    if wp.config.mode == "debug":
+
+        @wp.func
+        def at(values: wp.array(dtype=dtype), j: int):
+            return values[j]
+
+        return at
+
+    @wp.func_native("return values.data[j];")
+    def at_once(values: wp.array(dtype=dtype), j: int) -> dtype: ...
+
+    return at_once
+
+
+@functools.cache
 def make_nearest(precision: str) -> Any:
     """Return the `wp.func` nearest(d, period, half): a distance along a periodic axis, to the nearest image."""
     real = types(2, precision).real
@@ -106,6 +127,7 @@ def make_entry(row_list: bool, wide: bool = False, dtype: Any = int) -> Access:
     Warp indexes each dimension with 32 bits and adds the strides up with 64.
     """
     List = wp.array(dtype=dtype, ndim=2 if wide else 1)
+    at = make_at(dtype)
 
     if wide:
 
@@ -140,7 +162,7 @@ def make_entry(row_list: bool, wide: bool = False, dtype: Any = int) -> Access:
     @wp.func
     def read(entries: List, i: int, place: int):
         if wp.static(not wide):
-            return entries[place]
+            return at(entries, place)
         elif wp.static(row_list):
             return entries[i, place]
         else:

@@ -26,7 +26,7 @@ import warp as wp
 from warpsph.kernels.core.clock import STEP
 from warpsph.kernels.core.eigenvalue import WHOLE
 from warpsph.kernels.core.fields import FLUID
-from warpsph.kernels.core.pair import WRAPPED, list_access, separation_of
+from warpsph.kernels.core.pair import WRAPPED, list_access, make_at, separation_of
 from warpsph.kernels.core.params import make_params, make_phase
 from warpsph.kernels.core.smoothing import make_smoothing
 from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, types_of
@@ -54,6 +54,7 @@ def make_delta_continuity(spec: Spec, flow_part: bool = True, slow_part: bool = 
     _, slope = make_smoothing(spec.kernel, spec.precision)
     separation = separation_of(spec)
     list_begin, list_step, neighbour, Listed = list_access(spec)
+    at_real, at_vec, at_pair = make_at(real), make_at(vec), make_at(pair)
     periodic = any(spec.periodic)
     carries = spec.shift_form == "consistent" and slow_part
     diffuses = spec.density_diffusion and slow_part
@@ -124,11 +125,11 @@ def make_delta_continuity(spec: Spec, flow_part: bool = True, slow_part: bool = 
         while k < end:
             j = neighbour(neighbours, i, k)
             k += step
-            d = separation(xi, midway[j], wrapped, params)
+            d = separation(xi, at_vec(midway, j), wrapped, params)
             r2 = wp.dot(d, d)
-            state_j = state[j]
+            state_j = at_pair(state, j)
             f = slope(wp.sqrt(r2) * params.inv_h) * state_j[1]
-            dv = vi - velocity[j]
+            dv = vi - at_vec(velocity, j)
             if wp.static(flow_part):
                 rate += f * wp.dot(dv, d)
             if wp.static(exact or roomy):
@@ -139,15 +140,15 @@ def make_delta_continuity(spec: Spec, flow_part: bool = True, slow_part: bool = 
                 inside = wp.max(real(1.0) - r2 * params.inv_window, real(0.0))
                 room += inside * inside * state_j[1]
                 if wp.static(spec.free_surface):
-                    whole = wholeness[j] >= real(WHOLE)
+                    whole = at_real(wholeness, j) >= real(WHOLE)
                     full, thin = full and (whole or f == real(0.0)), thin and (not whole or f == real(0.0))
             if wp.static(diffuses):
                 dp = state_j[0] - p_i
-                evening += f * (dp + real(0.5) * wp.dot(pressure_gradient[i] + pressure_gradient[j], d))
+                evening += f * (dp + real(0.5) * wp.dot(pressure_gradient[i] + at_vec(pressure_gradient, j), d))
             if wp.static(carries):
-                through = f * wp.dot(shift[i] + shift[j], d)
+                through = f * wp.dot(shift[i] + at_vec(shift, j), d)
                 carry -= through * dv
-                moved += through * (density_excess[j] - s_i)
+                moved += through * (at_real(density_excess, j) - s_i)
             if wp.static(spec.free_surface):
                 crowd -= f * r2
         beside = bool(False)  # a wall is within the support
@@ -157,7 +158,7 @@ def make_delta_continuity(spec: Spec, flow_part: bool = True, slow_part: bool = 
             while k < end:
                 j = neighbour(neighbours, i, k)
                 k += step
-                d = separation(xi, position[j], wrapped, params)
+                d = separation(xi, at_vec(position, j), wrapped, params)
                 f = slope(wp.length(d) * params.inv_h)
                 beside = beside or f < real(0.0)
                 if wp.static(roomy):
@@ -169,7 +170,7 @@ def make_delta_continuity(spec: Spec, flow_part: bool = True, slow_part: bool = 
                 if wp.static(spec.bodies):
                     w = j - fluid_count
                     fd = (f * boundary_volume[w]) * d
-                    dv = vi - velocity[j]
+                    dv = vi - at_vec(velocity, j)
                     slides = bool(True)
                     if wp.static(continued):
                         slides = slip[w] != wp.uint8(0)
@@ -186,7 +187,7 @@ def make_delta_continuity(spec: Spec, flow_part: bool = True, slow_part: bool = 
                 else:
                     correctable = False  # the image of a velocity along a wall is not that of a linear field
                     # the mirror image of the particle has 2 v_w - v_i, which holds the velocity of the wall at its surface
-                    rate += real(2.0) * f * params.wall_volume * wp.dot(vi - velocity[j], d)
+                    rate += real(2.0) * f * params.wall_volume * wp.dot(vi - at_vec(velocity, j), d)
         elif wp.static(spec.walls and carries):
             end += int(wall_neighbours[i]) * step
             while k < end:

@@ -19,7 +19,7 @@ from warpsph.kernels.core.buffer_gradient import LEAST_EIGENVALUE
 from warpsph.kernels.core.clock import MAXIMA, SPEED, STEP
 from warpsph.kernels.core.eigenvalue import WHOLE, make_least_eigenvalue
 from warpsph.kernels.core.fields import FLUID
-from warpsph.kernels.core.pair import WRAPPED, list_access, separation_of
+from warpsph.kernels.core.pair import WRAPPED, list_access, make_at, separation_of
 from warpsph.kernels.core.params import make_params, make_phase
 from warpsph.kernels.core.planes import make_planes
 from warpsph.kernels.core.smoothing import KERNELS, make_smoothing
@@ -40,6 +40,7 @@ def make_delta_momentum(spec: Spec, measuring: bool = True) -> Any:
     Params, Phase = make_params(spec.dimension, spec.precision), make_phase(spec.precision)
     (shape, slope), separation = make_smoothing(spec.kernel, spec.precision), separation_of(spec)
     list_begin, list_step, neighbour, Listed = list_access(spec)
+    at_real, at_vec, at_pair = make_at(real), make_at(vec), make_at(pair)
     driving_force, least_eigenvalue = make_driving_force(spec), make_least_eigenvalue(spec.dimension, spec.precision)
     viscous = spec.viscosity != "none"
     forms = (spec.viscosity if viscous else "radial", "radial")
@@ -121,10 +122,10 @@ def make_delta_momentum(spec: Spec, measuring: bool = True) -> Any:
         while k < end:
             j = neighbour(neighbours, i, k)
             k += step
-            d = separation(xi, position[j], wrapped, params)
+            d = separation(xi, at_vec(position, j), wrapped, params)
             r2 = wp.dot(d, d)
             q = wp.sqrt(r2) * params.inv_h
-            state_j = state[j]
+            state_j = at_pair(state, j)
             f = slope(q) * state_j[1]
             fd = f * d
             pressures += state_j[0] * fd
@@ -134,24 +135,24 @@ def make_delta_momentum(spec: Spec, measuring: bool = True) -> Any:
             if wp.static(diffuses):
                 slope_p += (state_j[0] - p_i) * fd
             if wp.static(viscous):
-                friction += (own.viscosity * f) * viscous_term(vi - velocity[j], d, r2 + params.tiny, params.inv_h)
+                friction += (own.viscosity * f) * viscous_term(vi - at_vec(velocity, j), d, r2 + params.tiny, params.inv_h)
             if wp.static(spec.artificial_viscosity):
                 friction += (artificial_viscosity * f) * artificial_term(vi - velocity[j], d, r2 + params.tiny, params.inv_h)
             if wp.static(shifts):
                 push += crowding(shape(q) * shift_peak) * fd
             if wp.static(spec.free_surface):
                 if q < real(wp.static(KERNELS[spec.kernel].support)):
-                    least = wp.min(least, wholeness_old[j])
-                inward += (wholeness_old[j] - whole_i) * fd
+                    least = wp.min(least, at_real(wholeness_old, j))
+                inward += (at_real(wholeness_old, j) - whole_i) * fd
         if wp.static(spec.walls):
             end += int(wall_neighbours[i]) * step
             while k < end:
                 j = neighbour(neighbours, i, k)
                 k += step
-                d = separation(xi, position[j], wrapped, params)
+                d = separation(xi, at_vec(position, j), wrapped, params)
                 r2 = wp.dot(d, d)
                 q = wp.sqrt(r2) * params.inv_h
-                state_j = state[j]
+                state_j = at_pair(state, j)
                 f = slope(q) * state_j[1]
                 fd = f * d
                 pressures += state_j[0] * fd
@@ -164,7 +165,7 @@ def make_delta_momentum(spec: Spec, measuring: bool = True) -> Any:
                         if wp.dot(beyond, beyond) == beyond[axis] * beyond[axis]:  # straight ahead
                             n_w = vec()
                             n_w[axis] = wp.sign(d[axis])
-                            faces = noted(faces, n_w, clear, clear * wp.abs(clear), wp.dot(velocity[j], n_w))
+                            faces = noted(faces, n_w, clear, clear * wp.abs(clear), wp.dot(at_vec(velocity, j), n_w))
                 else:
                     w = j - fluid_count
                     n_w = wall_normal[w]
@@ -173,9 +174,9 @@ def make_delta_momentum(spec: Spec, measuring: bool = True) -> Any:
                     body2 = wp.where(wall_body[w] > side_walls, wp.min(body2, foot2), body2)
                     if foot2 < params.spacing * params.spacing:
                         if wall_body[w] > side_walls:
-                            faces = noted(faces, n_w, clear, foot2, wp.dot(velocity[j], n_w))
+                            faces = noted(faces, n_w, clear, foot2, wp.dot(at_vec(velocity, j), n_w))
                         elif wp.max(wp.abs(n_w)) > real(0.99):  # an edge of the domain is no plane
-                            sides = noted(sides, n_w, clear, foot2, wp.dot(velocity[j], n_w))
+                            sides = noted(sides, n_w, clear, foot2, wp.dot(at_vec(velocity, j), n_w))
                 if wp.static(measured):
                     moment -= wp.outer(d, fd)
                 if wp.static(diffuses):

@@ -15,7 +15,7 @@ import warp as wp
 from warpsph.kernels.core.clock import STEP
 from warpsph.kernels.core.eos import make_eos
 from warpsph.kernels.core.fields import FLUID
-from warpsph.kernels.core.pair import NEAR, WRAPPED, list_access, look_ahead, separation_of
+from warpsph.kernels.core.pair import NEAR, WRAPPED, list_access, look_ahead, make_at, separation_of
 from warpsph.kernels.core.params import make_params, make_phase
 from warpsph.kernels.core.smoothing import make_smoothing
 from warpsph.kernels.core.spec import Spec, curvature_type, pair_sweep, types, types_of
@@ -23,7 +23,7 @@ from warpsph.kernels.core.time_signals import GRAVITY_NOW, make_forcing
 from warpsph.kernels.core.viscosity import make_interface_stress
 
 from .body_flow import make_body_flow, shares
-from .disorder import make_disorder_friction
+from .disorder import make_disorder_due, make_disorder_friction
 from .inertia import make_loud
 from .interface_flow import make_density_between
 from .meeting_phases import make_parts_jump
@@ -93,6 +93,8 @@ def make_damping(spec: Spec) -> Any:
 
     @wp.func
     def damping(rate: real, params: Params, own: Phase):
+        if wp.static(not spec.acoustic_damping):
+            return real(0.0)
         loudest = real(LOUDEST) * own.impedance * own.sound_speed
         return wp.clamp(params.damping * params.h * own.impedance * rate, -loudest, loudest)
 
@@ -184,12 +186,13 @@ def make_continuity(spec: Spec) -> Any:
     laplace_jump, carried = make_jump(spec.precision), make_carried(spec.dimension, spec.precision)
     parts_jump, curved, damps = make_parts_jump(spec), curvature_type(spec), spec.acoustic_damping
     hardening, bounded, damping = make_hardening(spec.precision), make_bounded(spec.precision), make_damping(spec)
-    (gravity_of, _), separation, evenly = make_forcing(spec), separation_of(spec), make_evenly(spec)
+    (gravity_of, _), separation, at_vec, at_pair = make_forcing(spec), separation_of(spec), make_at(vec), make_at(pair)
     periodic, jumps = any(spec.periodic), spec.tension == "pressure_jump" and not spec.triple
     spray, sided = spec.free_surface and not spec.multiphase, spec.multiphase and not spec.paper_star
     (_, stress_jump), linear = make_interface_stress(spec.dimension, spec.precision), spec.bodies and spec.corrected
-    (followed, remembered), uneven = make_remembered(spec), make_disorder_friction(spec)
-    with_bodies, shared, loud = make_body_flow(spec), shares(spec), make_loud(spec)
+    (followed, remembered), (due_now, _) = make_remembered(spec), make_disorder_due(spec)
+    uneven = make_disorder_friction(spec)
+    with_bodies, shared, loud, evenly = make_body_flow(spec), shares(spec), make_loud(spec), make_evenly(spec)
 
     @wp.kernel(**pair_sweep(spec))
     def continuity(
@@ -232,13 +235,14 @@ def make_continuity(spec: Spec) -> Any:
         wall_normal: wp.array(dtype=vec),
         wall_depth: wp.array(dtype=real),
         inertia: wp.array(dtype=vec),
+        counters: wp.array(dtype=int),
     ):
         i = wp.tid() + first
         if wp.static(spec.open_axis >= 0):
             if int(zone[i]) != FLUID:
                 return
         xi, vi, p_i = midway[i], velocity[i], state_old[i][0]
-        own_phase = int(0)
+        own_phase, due = int(0), due_now(counters)
         if wp.static(spec.multiphase):
             own_phase = int(phase[i])
         own = phases[own_phase]
@@ -267,22 +271,22 @@ def make_continuity(spec: Spec) -> Any:
                 while k < end:
                     j = taken(ahead, neighbours, i, k)
                     k, ahead = onward(neighbours, i, k, step, end)
-                    d = separation(xi, midway[j], wrapped, params)
+                    d = separation(xi, at_vec(midway, j), wrapped, params)
                     r = wp.sqrt(wp.dot(d, d))
-                    state_j = state_old[j]
+                    state_j = at_pair(state_old, j)
                     f = slope(r * params.inv_h) * state_j[1]
                     dp = p_i - state_j[0]
                     other_phase = int(phase[j])
                     if other_phase == own_phase:
                         if wp.static(spec.gravity):
                             dp -= own.density * wp.dot(gravity_of(params, forcing, GRAVITY_NOW), d)
-                        term = wp.dot(vi - velocity[j], d)
+                        term = wp.dot(vi - at_vec(velocity, j), d)
                         if wp.static(spec.dissipation):
                             term += dp * r * inv_z
                         if wp.static(sided):
                             own_stiffness -= f * r
                         rate += f * term
-                        disordered += f * uneven(i, j, vi - velocity[j], d, r, disorder_speed, flow_gradient)
+                        disordered += f * uneven(due, i, j, vi - at_vec(velocity, j), d, r, disorder_speed, flow_gradient)
                     else:
                         other = phases[other_phase]
                         if wp.static(spec.gravity):
@@ -299,7 +303,7 @@ def make_continuity(spec: Spec) -> Any:
                             thick = wp.where(own.viscosity > other.viscosity, i, j)
                             dp -= stress_jump(own.viscosity, other.viscosity, gradient_at_interface[thick], facing[thick])
                         inv_r = real(1.0) / wp.max(r, real(1.0e-6) * params.h)
-                        u_i, u_j = -wp.dot(vi, d) * inv_r, -wp.dot(velocity[j], d) * inv_r
+                        u_i, u_j = -wp.dot(vi, d) * inv_r, -wp.dot(at_vec(velocity, j), d) * inv_r
                         driving = params.dissipation * dp
                         if wp.static(sided):
                             # what drives the pressures of the two together is kept apart: it may not overshoot
@@ -317,11 +321,11 @@ def make_continuity(spec: Spec) -> Any:
         while k < end:
             j = taken(ahead, neighbours, i, k)
             k, ahead = onward(neighbours, i, k, step, end)
-            d = separation(xi, midway[j], wrapped, params)
+            d = separation(xi, at_vec(midway, j), wrapped, params)
             r = wp.sqrt(wp.dot(d, d))
-            state_j = state_old[j]
+            state_j = at_pair(state_old, j)
             f = slope(r * params.inv_h) * state_j[1]
-            term = wp.dot(vi - velocity[j], d)
+            term = wp.dot(vi - at_vec(velocity, j), d)
             if wp.static(spec.dissipation):
                 dp = loud(p_i - state_j[0], i, j, d, own.density, params, forcing, pressure_gradient, inertia)
                 if wp.static(spray or damps or shared):
@@ -329,10 +333,10 @@ def make_continuity(spec: Spec) -> Any:
                 else:
                     term += dp * r * inv_z
             rate += f * term
-            disordered += f * uneven(i, j, vi - velocity[j], d, r, disorder_speed, flow_gradient)
+            disordered += f * uneven(due, i, j, vi - at_vec(velocity, j), d, r, disorder_speed, flow_gradient)
             if wp.static(linear):
                 fd = f * d
-                flow += wp.outer(velocity[j] - vi, fd)
+                flow += wp.outer(at_vec(velocity, j) - vi, fd)
                 moment -= wp.outer(d, fd)
             if wp.static(spray):
                 stiffness -= f * r
@@ -344,7 +348,7 @@ def make_continuity(spec: Spec) -> Any:
             while k < end:
                 j = neighbour(neighbours, i, k)
                 k += step
-                d = separation(xi, position[j], wrapped, params)
+                d = separation(xi, at_vec(position, j), wrapped, params)
                 rate += real(2.0) * slope(wp.length(d) * params.inv_h) * params.wall_volume * wp.dot(vi - velocity[j], d)
         if wp.static(spec.bodies):
             rate = with_bodies(
@@ -358,13 +362,11 @@ def make_continuity(spec: Spec) -> Any:
             rate += bounded(evening, hard * stiffness, alike * plain_stiffness, alike * own_stiffness)
 
         s = density_excess[i]
-        damped = real(0.0)
-        if wp.static(damps):
-            damped = damping((real(1.0) + s) * params.g_norm * rate, params, own)
+        damped = damping((real(1.0) + s) * params.g_norm * rate, params, own)
         s += real(clock[STEP]) * (real(1.0) + s) * (params.g_norm * (rate + blur) + followed(i, room_part))
         s = remembered(s, crowd * params.g_norm, i, thin)
         density_excess[i] = s
-        if wp.static(spec.disorder):
+        if due:
             disorder_force[i] = disordered * (params.g_norm * state_old[i][1] / rest_volume[i])
         p = eos(s, own.stiffness, own.gamma) + own.background + damped
         state[i] = pair(p, rest_volume[i] / (real(1.0) + s))

@@ -5,7 +5,7 @@
 
 over the own phase, e the unit vector of the pair, G the velocity gradient, A `numerics.disorder_friction`. A linear flow
 feels nothing of it on any arrangement, a smooth one at fourth order in h, disordered particles all of it. Pairs exchange
-momentum along their line.
+momentum along their line. Every fourth step finds it, and each of the four has it.
 """
 
 import functools
@@ -13,6 +13,8 @@ from typing import Any
 
 import warp as wp
 
+from warpsph.kernels.core.clock import STEPS
+from warpsph.kernels.core.pair import make_at
 from warpsph.kernels.core.params import make_params, make_phase
 from warpsph.kernels.core.spec import Spec, types_of
 
@@ -25,6 +27,32 @@ RESOLVED = 10.0
 # Of the sound speed: a step of h/(2c) then takes up to a quarter of what velocities differ by from one particle to the next.
 FASTEST = 0.2
 UNKNOWN = -1.0  # b of particles whose neighbours leave the gradient open; they take no part
+
+
+# Steps that it is held for: the most that it may take of a difference in one, a quarter, so often is all of it.
+HELD = 4
+
+
+@functools.cache
+def make_disorder_due(spec: Spec) -> tuple[Any, Any]:
+    """Return the `wp.func`s (due(counters), near(counters)): a step finds the friction anew, or the one after it does.
+
+    Without it in a `Spec` none does. The first step does, and has gradients of the start.
+    """
+
+    @wp.func
+    def due(counters: wp.array(dtype=int)):
+        if wp.static(spec.disorder):
+            return counters[STEPS] % HELD == 0
+        return False
+
+    @wp.func
+    def near(counters: wp.array(dtype=int)):
+        if wp.static(spec.disorder):
+            return counters[STEPS] == 0 or (counters[STEPS] + 1) % HELD == 0
+        return False
+
+    return due, near
 
 
 @functools.cache
@@ -47,14 +75,16 @@ def make_disorder_speed(spec: Spec) -> Any:
 
 @functools.cache
 def make_disorder_friction(spec: Spec) -> Any:
-    """Return the `wp.func` of what a pair adds to the acceleration, to be summed with F V_j; 0 without it in a `Spec`.
+    """Return the `wp.func` of what a pair adds to the acceleration, to be summed with F V_j; 0 where it is not due.
 
-    disorder_friction(i, j, v_ij, x_ij, r, b, G), the last two those of all particles.
+    disorder_friction(due, i, j, v_ij, x_ij, r, b, G), the last two those of all particles.
     """
     real, vec, mat, _ = types_of(spec)
+    at_real, at_mat = make_at(real), make_at(mat)
 
     @wp.func
     def disorder_friction(
+        due: bool,
         i: int,
         j: int,
         v: vec,
@@ -64,10 +94,10 @@ def make_disorder_friction(spec: Spec) -> Any:
         gradients: wp.array(dtype=mat),
     ):
         result = vec()
-        if wp.static(spec.disorder):
-            own, other = speeds[i], speeds[j]
+        if due:
+            own, other = speeds[i], at_real(speeds, j)
             if wp.min(own, other) >= real(0.0) and own + other > real(0.0) and r > real(0.0):
-                beyond = wp.dot(v - real(0.5) * ((gradients[i] + gradients[j]) * d), d)
+                beyond = wp.dot(v - real(0.5) * ((gradients[i] + at_mat(gradients, j)) * d), d)
                 result = (real(0.5) * (own + other) * beyond / r) * d
         return result
 

@@ -12,6 +12,7 @@ from typing import Any
 import warp as wp
 
 from warpsph.kernels.core.clock import LAST_STEP, STEP
+from warpsph.kernels.core.pair import make_at
 from warpsph.kernels.core.params import make_params, make_phase
 from warpsph.kernels.core.spec import Spec, types_of
 from warpsph.kernels.core.time_signals import GRAVITY_NOW, make_forcing
@@ -57,7 +58,7 @@ def make_loud(spec: Spec) -> Any:
     """
     real, vec, _, _ = types_of(spec)
     Params = make_params(spec.dimension, spec.precision)
-    gravity_of, _ = make_forcing(spec)
+    (gravity_of, _), at_vec = make_forcing(spec), make_at(vec)
     linear = spec.bodies and spec.corrected
 
     @wp.func
@@ -74,12 +75,15 @@ def make_loud(spec: Spec) -> Any:
     ):
         left = difference
         if wp.static(linear):
-            left -= real(0.5) * wp.dot(pressure_gradient[i] + pressure_gradient[j], d)
+            left -= real(0.5) * wp.dot(pressure_gradient[i] + at_vec(pressure_gradient, j), d)
         elif wp.static(spec.gravity):
             left -= density * wp.dot(gravity_of(params, forcing, GRAVITY_NOW), d)
         if wp.static(spec.inertia):
-            spared = (real(0.5) * density) * wp.dot(inertia[i] + inertia[j], d)
-            left -= wp.clamp(spared, wp.min(left, real(0.0)), wp.max(left, real(0.0)))
+            spared = (real(0.5) * density) * wp.dot(inertia[i] + at_vec(inertia, j), d)
+            # as `wp.clamp`, whose care for what is no number takes half as long as all of the pair
+            low, high = wp.where(left < real(0.0), left, real(0.0)), wp.where(left > real(0.0), left, real(0.0))
+            spared = wp.where(spared > low, spared, low)
+            left -= wp.where(spared < high, spared, high)
         return left
 
     return loud

@@ -25,7 +25,7 @@ from typing import Any
 
 import warp as wp
 
-from warpsph.kernels.core.pair import NEAR, list_access, look_ahead, separation_of
+from warpsph.kernels.core.pair import NEAR, list_access, look_ahead, make_at, separation_of
 from warpsph.kernels.core.params import make_params
 from warpsph.kernels.core.smoothing import KERNELS, make_smoothing
 from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, curvature_type, types, types_of
@@ -105,6 +105,7 @@ def make_interface_flow(spec: Spec) -> Any:
     _, slope = make_smoothing(spec.kernel, spec.precision)
     separation = separation_of(spec)
     list_begin, list_step, neighbour, Listed = list_access(spec)
+    at_vec, at_pair = make_at(vec), make_at(pair)
     look, taken, onward = look_ahead(spec)
     full, none = FULL**spec.dimension, NONE**spec.dimension
     window, depth = make_depth(spec.dimension, spec.precision)
@@ -150,15 +151,15 @@ def make_interface_flow(spec: Spec) -> Any:
         while k < end:
             j = taken(ahead, neighbours, i, k)
             k, ahead = onward(neighbours, i, k, step, end)
-            d = separation(xi, position[j], True, params)
+            d = separation(xi, at_vec(position, j), True, params)
             q = wp.sqrt(wp.dot(d, d)) * params.inv_h
-            fd = (slope(q) * state[j][1]) * d
-            room = window(q * q * real(wp.static(1.0 / support**2))) * state[j][1]
+            fd = (slope(q) * at_pair(state, j)[1]) * d
+            room = window(q * q * real(wp.static(1.0 / support**2))) * at_pair(state, j)[1]
             own_room += wp.where(phase[j] == own, room, real(0.0))
             other_room += wp.where(phase[j] == own, real(0.0), room)
             if phase[j] == own:
                 moment -= wp.outer(d, fd)
-                flow += wp.outer(velocity[j] - vi, fd)
+                flow += wp.outer(at_vec(velocity, j) - vi, fd)
             else:
                 others += fd
                 all_others += wp.length(fd)
@@ -168,7 +169,7 @@ def make_interface_flow(spec: Spec) -> Any:
                 j = neighbour(neighbours, i, k)
                 k += step
                 if slip[j - fluid_count] == wp.uint8(0):
-                    d = separation(xi, position[j], True, params)
+                    d = separation(xi, at_vec(position, j), True, params)
                     fd = (slope(wp.sqrt(wp.dot(d, d)) * params.inv_h) * params.wall_volume) * d
                     moment -= wp.outer(d, fd)
                     flow += wp.outer(mirror_velocity[j - fluid_count] - vi, fd)

@@ -32,7 +32,7 @@ import warp as wp
 
 from warpsph.kernels.core.clock import MAXIMA, STEP
 from warpsph.kernels.core.fields import FLUID
-from warpsph.kernels.core.pair import BAND, NEAR, WRAPPED, list_access, look_ahead, separation_of
+from warpsph.kernels.core.pair import BAND, NEAR, WRAPPED, list_access, look_ahead, make_at, separation_of
 from warpsph.kernels.core.params import make_params, make_phase
 from warpsph.kernels.core.planes import make_planes
 from warpsph.kernels.core.smoothing import make_smoothing
@@ -40,7 +40,7 @@ from warpsph.kernels.core.spec import Spec, curvature_type, pair_sweep, types_of
 from warpsph.kernels.core.time_signals import GRAVITY_NEXT, make_forcing
 from warpsph.kernels.core.viscosity import make_interface_stress, make_series_mean, make_viscosity
 
-from .disorder import UNKNOWN, make_disorder_speed
+from .disorder import UNKNOWN, make_disorder_due, make_disorder_speed
 from .interface_flow import make_density_between
 from .meeting_phases import make_parts_jump
 from .room import make_window
@@ -64,7 +64,7 @@ def make_momentum(spec: Spec) -> Any:
     Params = make_params(spec.dimension, spec.precision)
     Phase = make_phase(spec.precision)
     _, slope = make_smoothing(spec.kernel, spec.precision)
-    separation = separation_of(spec)
+    separation, at_vec, at_pair = separation_of(spec), make_at(vec), make_at(pair)
     list_begin, list_step, neighbour, Listed = list_access(spec)
     look, taken, onward = look_ahead(spec)
     _, star_pressure = make_star(spec.precision, spec.paper_star)
@@ -83,7 +83,8 @@ def make_momentum(spec: Spec) -> Any:
     dimension = float(spec.dimension)
     sided = spec.multiphase and not spec.paper_star
     kinked = sided and spec.corrected  # its gradients see where the interface cuts a pair
-    speed_of_disorder, window = make_disorder_speed(spec), make_window(spec.precision)
+    (_, due_next), speed_of_disorder = make_disorder_due(spec), make_disorder_speed(spec)
+    window = make_window(spec.precision)
     series_mean = make_series_mean(spec.precision)
     stress_traction, stress_jump = make_interface_stress(spec.dimension, spec.precision)
 
@@ -135,6 +136,7 @@ def make_momentum(spec: Spec) -> Any:
         flow_gradient: wp.array(dtype=mat),
         disorder_speed: wp.array(dtype=real),
         disorder_force: wp.array(dtype=vec),
+        counters: wp.array(dtype=int),
     ):
         i = wp.tid() + first
         if wp.static(spec.open_axis >= 0):
@@ -143,10 +145,12 @@ def make_momentum(spec: Spec) -> Any:
                 acceleration[i] = vec()
                 if wp.static(spec.disorder):
                     disorder_speed[i] = real(UNKNOWN)
+                    disorder_force[i] = vec()
                 if wp.static(spec.shifting):
                     shift[i] = vec()
                     carried[i] = vec()
                 return
+        due = due_next(counters)  # the next step finds the friction of disorder anew
         xi = position[i]
         vi = velocity[i]
         state_i = state[i]
@@ -211,9 +215,9 @@ def make_momentum(spec: Spec) -> Any:
                 while k < end:
                     j = taken(ahead, neighbours, i, k)
                     k, ahead = onward(neighbours, i, k, step, end)
-                    d = separation(xi, position[j], wrapped, params)
+                    d = separation(xi, at_vec(position, j), wrapped, params)
                     r2 = wp.dot(d, d)
-                    state_j = state[j]
+                    state_j = at_pair(state, j)
                     f = slope(wp.sqrt(r2) * params.inv_h) * state_j[1]
                     fd = f * d
                     if wp.static(spec.corrected):
@@ -228,8 +232,8 @@ def make_momentum(spec: Spec) -> Any:
                         if wp.static(spec.walls):
                             own_even += fd
                         if wp.static(spec.shifting or spec.disorder):
-                            flow += wp.outer(velocity[j] - vi, fd)
-                        if wp.static(spec.disorder):
+                            flow += wp.outer(at_vec(velocity, j) - vi, fd)
+                        if due:
                             own_moment -= wp.outer(d, fd)
                         if wp.static(spec.corrected):
                             own_sum += (state_j[0] - p_i) * fd
@@ -273,19 +277,19 @@ def make_momentum(spec: Spec) -> Any:
                             # would fly through the other phase like a bullet.
                             alone = wp.clamp(real(1.0) + real(2.0) * wp.dot(facing[i], facing[j]), real(0.0), real(2.0))
                             z = own.impedance * other.impedance / (own.impedance + other.impedance)
-                            impact = wp.dot(vi - velocity[j], d) / wp.sqrt(r2 + params.tiny)
+                            impact = wp.dot(vi - at_vec(velocity, j), d) / wp.sqrt(r2 + params.tiny)
                             rise -= (real(2.0 * IMPACT_SHARE) * alone) * z * impact
                         pressure_sum += rise * fd
                         if wp.static(spec.interface_force):
                             repulsion += (wp.abs(p_i) + wp.abs(state_j[0])) * fd
                     if wp.static(viscous):
-                        viscous_sum += (mu * f) * viscous_term(vi - velocity[j], d, r2 + params.tiny, params.inv_h)
+                        viscous_sum += (mu * f) * viscous_term(vi - at_vec(velocity, j), d, r2 + params.tiny, params.inv_h)
         while k < end:
             j = taken(ahead, neighbours, i, k)
             k, ahead = onward(neighbours, i, k, step, end)
-            d = separation(xi, position[j], wrapped, params)
+            d = separation(xi, at_vec(position, j), wrapped, params)
             r2 = wp.dot(d, d)
-            state_j = state[j]
+            state_j = at_pair(state, j)
             f = slope(wp.sqrt(r2) * params.inv_h) * state_j[1]
             fd = f * d
             if wp.static(spec.corrected):
@@ -300,23 +304,24 @@ def make_momentum(spec: Spec) -> Any:
             if wp.static(spec.shifting):
                 even += fd
             if wp.static(spec.shifting or spec.disorder):
-                flow += wp.outer(velocity[j] - vi, fd)
-            if wp.static(spec.disorder):
+                flow += wp.outer(at_vec(velocity, j) - vi, fd)
+            if due:
                 own_moment -= wp.outer(d, fd)
             if wp.static(spec.room):
                 room += window(r2, params.inv_window) * state_j[1]
             if wp.static(viscous):
-                viscous_sum += (own.viscosity * f) * viscous_term(vi - velocity[j], d, r2 + params.tiny, params.inv_h)
+                v = vi - at_vec(velocity, j)
+                viscous_sum += (own.viscosity * f) * viscous_term(v, d, r2 + params.tiny, params.inv_h)
         if wp.static(spec.walls):
             end += int(wall_neighbours[i]) * step
             while k < end:
                 j = neighbour(neighbours, i, k)
                 k += step
-                d = separation(xi, position[j], wrapped, params)
+                d = separation(xi, at_vec(position, j), wrapped, params)
                 r2 = wp.dot(d, d)
                 wall_volume = params.wall_volume
                 if wp.static(spec.bodies):
-                    wall_volume = state[j][1]
+                    wall_volume = at_pair(state, j)[1]
                 f = slope(wp.sqrt(r2) * params.inv_h) * wall_volume
                 fd = f * d
                 into_wall += fd
@@ -334,7 +339,7 @@ def make_momentum(spec: Spec) -> Any:
                             if clear < face_gap[axis]:
                                 face_gap[axis] = clear
                                 face_side[axis] = -wp.sign(d[axis])
-                                face_speed[axis] = velocity[j][axis]
+                                face_speed[axis] = at_vec(velocity, j)[axis]
                 if wp.static(spec.bodies):
                     # the surface as the plane at the nearest foot: one for each axis that a normal may lie nearest to. A
                     # foot that is farther than a spacing is not that of a plane which the particle is about to touch.
@@ -348,12 +353,12 @@ def make_momentum(spec: Spec) -> Any:
                         gap2 = gap2 * gap2
                     if foot2 < params.spacing * params.spacing:
                         if wall_body[w] > side_walls:
-                            faces = noted(faces, n_w, clear, foot2, wp.dot(velocity[j], n_w))
+                            faces = noted(faces, n_w, clear, foot2, wp.dot(at_vec(velocity, j), n_w))
                         elif wp.max(wp.abs(n_w)) > real(0.99):
                             # an edge of the domain is no plane: its cells are behind two sides at once
-                            sides = noted(sides, n_w, clear, foot2, wp.dot(velocity[j], n_w))
-                approach += wp.dot(vi - velocity[j], fd)
-                p_wall = state[j][0]
+                            sides = noted(sides, n_w, clear, foot2, wp.dot(at_vec(velocity, j), n_w))
+                approach += wp.dot(vi - at_vec(velocity, j), fd)
+                p_wall = at_pair(state, j)[0]
                 if wp.static(spec.multiphase and not spec.bodies):
                     # the one-sided state of this particle's own fluid: extrapolated from several fluids at a contact
                     # line, the wall would pull the light one with the weight of the heavy one
@@ -368,13 +373,13 @@ def make_momentum(spec: Spec) -> Any:
                     if wp.static(spec.moving):
                         borne -= wall_acceleration[j - fluid_count]
                     p_wall = p_i - rho_i * wp.dot(borne, d)
-                    mirror = real(2.0) * velocity[j] - vi
+                    mirror = real(2.0) * at_vec(velocity, j) - vi
                     slips = bool(True)
                     if wp.static(spec.wall_no_slip):
                         slips = slip[j - fluid_count] != wp.uint8(0)
                     if slips:
                         n_w = wall_normal[j - fluid_count]
-                        mirror = vi + (real(2.0) * wp.dot(velocity[j] - vi, n_w)) * n_w
+                        mirror = vi + (real(2.0) * wp.dot(at_vec(velocity, j) - vi, n_w)) * n_w
                 if wp.static(spec.corrected):
                     moment -= wp.outer(d, fd)
                     own_sum += (p_wall - p_i) * fd
@@ -497,7 +502,7 @@ def make_momentum(spec: Spec) -> Any:
         if wp.static(spec.bodies and spec.corrected):
             pressure_gradient[i] = gradient
 
-        if wp.static(spec.disorder):
+        if due:
             speed, inner = real(UNKNOWN), mat()
             # of the fluid alone: mirrored velocities of no-slip walls are no part of the flow between particles
             m_own = own_moment * g_norm

@@ -77,7 +77,7 @@ RIEMANN_FIELDS: tuple[Field, ...] = (
     Field("interface_depth", "real", "fluid", False, _sided, "1", "depth below an interface over h, next to it"),
     Field("flow_gradient", "mat", "fluid", True, _disorder, "1/s", "grad v of the own phase, of the last momentum sweep"),
     Field("disorder_speed", "real", "fluid", True, _disorder, "m/s", "b of the friction of disorder, -1 without a gradient"),
-    Field("disorder_force", "vec", "fluid", False, _disorder, "m/s^2", "friction of disorder, for the momentum sweep"),
+    Field("disorder_force", "vec", "fluid", True, _disorder, "m/s^2", "friction of disorder, held for some steps"),
     Field("wholeness", "real", "fluid", False, _surface_room, "-", "least eigenvalue of the moment of the neighbourhood"),
     Field("room_part", "real", "fluid", True, _surface_room, "1/s", "rate at which the density follows the room"),
     Field("thin", "int8", "fluid", True, _surface_room, "-", "1 in fluid thinner than the kernel reaches, away from walls"),

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from warpsph.case.case import Case
+from warpsph.kernels.riemann.disorder import HELD
 from warpsph.running.model import Model
 from warpsph.simulation import Simulation
 
@@ -125,3 +126,38 @@ def test_spray_takes_no_part():
     fluids = [{"phase": "water", "shape": {"box": {"lower": [-2 / 24, 0], "upper": [0, 1 / 24]}}}]
     _, force = friction(ROUGH, domain=domain, fluids=fluids, start={"velocity": ROUGH})
     assert np.abs(force).max() == 0
+
+
+def begun():
+    """A model of the rough box in float64 that has made its start."""
+    numerics = {"maximum_step": 1e-7, "shifting": 0, "room_rate": 0}
+    case = Case.from_dict(BOX | {"start": BOX["start"] | {"velocity": ROUGH}, "numerics": numerics})
+    model = Model(case, threads=1)
+    model.stepper.prepare(fresh=True)
+    return model
+
+
+def test_it_is_found_anew_every_fourth_step():
+    """From the gradients of the step before: the first of all has those of the start."""
+    model, found, gradients = begun(), [], []
+    for _ in range(3 * HELD + 1):
+        model.stepper.run(1.0, 1)
+        found.append(model.particles.get("disorder_force"))
+        gradients.append(model.particles.get("flow_gradient"))
+    assert np.abs(found[0]).max() > 10.0
+    for later, step in enumerate(range(1, len(found)), start=1):
+        assert np.array_equal(found[step - 1], found[step]) == (later % HELD != 0), step
+    # step 0 has the start's and its own, which nothing reads
+    for step in range(1, len(gradients)):
+        assert np.array_equal(gradients[step - 1], gradients[step]) == ((step + 1) % HELD != 0), step
+
+
+def test_what_is_held_outlives_a_restart():
+    model = begun()
+    model.stepper.run(1.0, 2)
+    saved = model.save_state()
+    model.stepper.run(1.0, 2 * HELD)
+    other = begun()
+    other.load_state(saved)
+    other.stepper.run(1.0, 2 * HELD)
+    assert np.array_equal(model.particles.get("velocity"), other.particles.get("velocity"))
