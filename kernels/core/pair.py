@@ -48,6 +48,46 @@ def make_at(dtype: Any) -> Any:
 
 
 @functools.cache
+def make_part(dtype: Any) -> Any:
+    """Return the `wp.func` part(values, j, axis): a number of entry j >= 0 of a field of vectors.
+
+    A function that gives back a vector keeps the compiler from working on several neighbours at once on a CPU: loops that
+    are to be quick there read, add and multiply numbers (docs/records/pair_loops.md#vectors).
+    """
+    real = dtype._wp_scalar_type_
+    if wp.config.mode == "debug":
+
+        @wp.func
+        def part(values: wp.array(dtype=dtype), j: int, axis: int):
+            return values[j][axis]
+
+        return part
+
+    @wp.func_native("return values.data[j].c[axis];")
+    def part_at_once(values: wp.array(dtype=dtype), j: int, axis: int) -> real: ...
+
+    return part_at_once
+
+
+@functools.cache
+def make_element(dtype: Any) -> Any:
+    """Return the `wp.func` element(values, j, row, column): a number of entry j >= 0 of a field of matrices."""
+    real = dtype._wp_scalar_type_
+    if wp.config.mode == "debug":
+
+        @wp.func
+        def element(values: wp.array(dtype=dtype), j: int, row: int, column: int):
+            return values[j][row, column]
+
+        return element
+
+    @wp.func_native("return values.data[j].data[row][column];")
+    def element_at_once(values: wp.array(dtype=dtype), j: int, row: int, column: int) -> real: ...
+
+    return element_at_once
+
+
+@functools.cache
 def make_nearest(precision: str) -> Any:
     """Return the `wp.func` nearest(d, period, half): a distance along a periodic axis, to the nearest image."""
     real = types(2, precision).real
@@ -92,9 +132,44 @@ def make_separation(dimension: int, precision: str, periodic: tuple[bool, ...]) 
     return separation
 
 
+@functools.cache
+def make_way(dimension: int, precision: str, periodic: tuple[bool, ...]) -> Any:
+    """Return the `wp.func` way(x_i, x_j, axis, wrapped, params): one component of `separation` [m], of numbers."""
+    real, Params = types(dimension, precision).real, make_params(dimension, precision)
+    axes = [axis for axis in range(dimension) if periodic[axis]]
+    has_x, has_y, has_z = (axis in axes for axis in range(3))
+
+    @wp.func
+    def nearest_if(wrapped: bool, d: real, period: real, half: real):
+        beyond = wp.where(wrapped, half, real(1.0e30))  # no branch: a loop with one has no vectors
+        result = wp.where(d > beyond, d - period, d)
+        return wp.where(d < -beyond, d + period, result)
+
+    @wp.func
+    def way(x: real, other: real, axis: int, wrapped: bool, params: Params):
+        d = x - other
+        if wp.static(has_x):
+            if axis == 0:
+                d = nearest_if(wrapped, d, params.box[0], params.half_box[0])
+        if wp.static(has_y):
+            if axis == 1:
+                d = nearest_if(wrapped, d, params.box[1], params.half_box[1])
+        if wp.static(has_z):
+            if axis == 2:
+                d = nearest_if(wrapped, d, params.box[2], params.half_box[2])
+        return d
+
+    return way
+
+
 def separation_of(spec: Spec) -> Any:
     """Return the separation function of a `Spec`."""
     return make_separation(spec.dimension, spec.precision, spec.periodic)
+
+
+def way_of(spec: Spec) -> Any:
+    """Return the function of one component of a separation of a `Spec`."""
+    return make_way(spec.dimension, spec.precision, spec.periodic)
 
 
 class Access(NamedTuple):

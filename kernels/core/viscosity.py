@@ -48,6 +48,24 @@ def make_viscosity(form: str, dimension: int, precision: str) -> Any:
     return viscous_term
 
 
+@functools.cache
+def make_viscous_parts(form: str, dimension: int, precision: str) -> tuple[Any, Any]:
+    """Return the term of `make_viscosity` as A v_ij + B x_ij: the number A, the `wp.func` B(v_ij.x_ij, r2, inv_h)."""
+    real = types(dimension, precision).real
+    along = 0.0 if form == "morris" else 2.5 * (dimension + 2) if form == "paper" else 2.0 * (dimension + 2)
+
+    @wp.func
+    def with_way(closing: real, r2: real, inv_h: real):
+        if wp.static(form == "morris"):
+            return real(0.0)
+        elif wp.static(form == "paper"):
+            return real(along) * inv_h * closing / wp.sqrt(r2)
+        else:
+            return real(along) * closing / r2
+
+    return 2.0 if form == "morris" else 0.0, with_way
+
+
 def friction_scale(kernel: str, dimension: int) -> float:
     """Return K [-], so that weights -K (1 - r/R)^1.5 have the second moment of the slope w'(q)/q of a kernel."""
     chosen = KERNELS[kernel]

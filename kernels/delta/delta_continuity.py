@@ -32,6 +32,8 @@ from warpsph.kernels.core.smoothing import make_smoothing
 from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, types_of
 from warpsph.kernels.core.wall_share import LEAST_SHARE
 
+from .fluid_pairs import make_rate_sums
+
 SMALLEST_MOMENT = 0.1  # determinant below which a neighbourhood is too thin to correct
 SPARSE = 0.4  # of the dimension, which -sum F V r^2 is inside a fluid: fewer neighbours than a particle on a surface has
 
@@ -54,7 +56,7 @@ def make_delta_continuity(spec: Spec, flow_part: bool = True, slow_part: bool = 
     _, slope = make_smoothing(spec.kernel, spec.precision)
     separation = separation_of(spec)
     list_begin, list_step, neighbour, Listed = list_access(spec)
-    at_real, at_vec, at_pair = make_at(real), make_at(vec), make_at(pair)
+    (_, rate_sums), at_vec = make_rate_sums(spec, flow_part, slow_part), make_at(vec)
     periodic = any(spec.periodic)
     carries = spec.shift_form == "consistent" and slow_part
     diffuses = spec.density_diffusion and slow_part
@@ -107,12 +109,6 @@ def make_delta_continuity(spec: Spec, flow_part: bool = True, slow_part: bool = 
         if wp.static(periodic):
             wrapped = (int(flags[i]) & WRAPPED) != 0
         rate = real(0.0)
-        evening = real(0.0)  # what D_i sums up, over -2 g_norm / (rho0 c^2)
-        moved = real(0.0)  # sum F V (dr_i + dr_j).x_ij (s_j - s_i)
-        carry = vec()  # the same of the velocity
-        crowd = real(0.0)
-        flow = mat()  # sum F V (v_j - v_i) (x) x_ij
-        moment = mat()  # -sum F V x_ij (x) x_ij
         correctable = bool(True)
         full, thin = bool(True), bool(False)  # no particle of a free surface within the support, nor any other than those
         if wp.static(roomy and spec.free_surface):
@@ -122,35 +118,14 @@ def make_delta_continuity(spec: Spec, flow_part: bool = True, slow_part: bool = 
         k = list_begin(i, list_width)
         step = list_step(particle_count)
         end = k + int(fluid_neighbours[i]) * step
-        while k < end:
-            j = neighbour(neighbours, i, k)
-            k += step
-            d = separation(xi, at_vec(midway, j), wrapped, params)
-            r2 = wp.dot(d, d)
-            state_j = at_pair(state, j)
-            f = slope(wp.sqrt(r2) * params.inv_h) * state_j[1]
-            dv = vi - at_vec(velocity, j)
-            if wp.static(flow_part):
-                rate += f * wp.dot(dv, d)
-            if wp.static(exact or roomy):
-                fd = f * d
-                flow -= wp.outer(dv, fd)
-                moment -= wp.outer(d, fd)
-            if wp.static(roomy):
-                inside = wp.max(real(1.0) - r2 * params.inv_window, real(0.0))
-                room += inside * inside * state_j[1]
-                if wp.static(spec.free_surface):
-                    whole = at_real(wholeness, j) >= real(WHOLE)
-                    full, thin = full and (whole or f == real(0.0)), thin and (not whole or f == real(0.0))
-            if wp.static(diffuses):
-                dp = state_j[0] - p_i
-                evening += f * (dp + real(0.5) * wp.dot(pressure_gradient[i] + at_vec(pressure_gradient, j), d))
-            if wp.static(carries):
-                through = f * wp.dot(shift[i] + at_vec(shift, j), d)
-                carry -= through * dv
-                moved += through * (at_real(density_excess, j) - s_i)
-            if wp.static(spec.free_surface):
-                crowd -= f * r2
+        pairs = rate_sums(
+            i, k, end, step, wrapped, xi, vi, p_i, s_i, params, neighbours, midway, velocity, state, pressure_gradient,
+            shift, wholeness, density_excess)  # fmt: skip
+        k = end
+        flow, moment, carry = mat() + pairs.flow, mat() + pairs.moment, vec() + pairs.carry
+        full, thin = full and pairs.ragged == real(0.0), thin and pairs.company == real(0.0)
+        rate += pairs.rate
+        room += pairs.room
         beside = bool(False)  # a wall is within the support
         share = real(1.0)  # of a compression along the normal, what the sum has of it beside walls that do not take part
         if wp.static(spec.walls and flow_part):
@@ -203,29 +178,29 @@ def make_delta_continuity(spec: Spec, flow_part: bool = True, slow_part: bool = 
         total = (real(1.0) + s_i) * rate
         if wp.static(diffuses):
             own = phases[0]
-            total -= real(2.0) * density_diffusion * params.h * own.sound_speed * own.compressibility * evening
+            total -= real(2.0) * density_diffusion * params.h * own.sound_speed * own.compressibility * pairs.evening
         total = total * params.g_norm
         if wp.static(carries):
             if beside:
                 carry = vec()  # it would cost bodies their drag (theory: delta#d4)
             carried[i] = carry * (real(0.5) * params.g_norm)
-            total += real(0.5) * params.g_norm * moved / real(clock[STEP])
+            total += real(0.5) * params.g_norm * pairs.moved / real(clock[STEP])
         if wp.static(roomy):
-            part = real(0.0)
+            follow = real(0.0)
             if full:
                 strain = flow
                 if wp.static(spec.free_surface):
                     # a body of fluid that turns is not strained
                     strain = (flow + wp.transpose(flow)) * real(wp.static(math.sqrt(0.5)))
                 pace = wp.sqrt(wp.ddot(strain, strain)) * params.g_norm
-                part = (real(1.0) + s_i) * params.room * pace * (room * params.window_norm - real(1.0))
-            total += part
-            room_part[i] = part
+                follow = (real(1.0) + s_i) * params.room * pace * (room * params.window_norm - real(1.0))
+            total += follow
+            room_part[i] = follow
         if wp.static(flow_part and not slow_part):
             total += slow_rate[i]
         if wp.static(spec.free_surface and flow_part):
             # with hardly a fluid neighbour a density below rest is memory, not tension, and would draw spray into walls
-            if crowd * params.g_norm < real(sparse):
+            if pairs.crowd * params.g_norm < real(sparse):
                 total = wp.max(total, -s_i / real(clock[STEP]))
             if wp.static(roomy):
                 if thin and not beside:

@@ -22,14 +22,14 @@ from warpsph.kernels.core.fields import FLUID
 from warpsph.kernels.core.pair import WRAPPED, list_access, make_at, separation_of
 from warpsph.kernels.core.params import make_params, make_phase
 from warpsph.kernels.core.planes import make_planes
-from warpsph.kernels.core.smoothing import KERNELS, make_smoothing
-from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, types, types_of
+from warpsph.kernels.core.smoothing import make_smoothing
+from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, types_of
 from warpsph.kernels.core.time_signals import GRAVITY_NEXT, make_forcing
 from warpsph.kernels.core.viscosity import make_viscosity
 
 from .delta_contact import make_contact_of
+from .fluid_pairs import make_crowding, make_force_sums
 
-CROWDING = 0.2  # R of the shift, which keeps particles from pairing; its exponent is 4 (theory: delta#d3)
 ALONE = 0.4  # least eigenvalue up to which a particle is not shifted; up to WHOLE it goes along the surface alone
 
 
@@ -40,11 +40,10 @@ def make_delta_momentum(spec: Spec, measuring: bool = True) -> Any:
     Params, Phase = make_params(spec.dimension, spec.precision), make_phase(spec.precision)
     (shape, slope), separation = make_smoothing(spec.kernel, spec.precision), separation_of(spec)
     list_begin, list_step, neighbour, Listed = list_access(spec)
-    at_real, at_vec, at_pair = make_at(real), make_at(vec), make_at(pair)
+    (_, force_sums), at_vec, at_pair = make_force_sums(spec, measuring), make_at(vec), make_at(pair)
     driving_force, least_eigenvalue = make_driving_force(spec), make_least_eigenvalue(spec.dimension, spec.precision)
     viscous = spec.viscosity != "none"
-    forms = (spec.viscosity if viscous else "radial", "radial")
-    viscous_term, artificial_term = (make_viscosity(form, spec.dimension, spec.precision) for form in forms)
+    viscous_term = make_viscosity(spec.viscosity if viscous else "radial", spec.dimension, spec.precision)
     limit_shift, crowding = make_limit_shift(spec), make_crowding(spec.precision)
     braked, held, ahead = make_contact_of(spec)
     no_planes, noted = make_planes(spec.dimension, spec.precision)
@@ -103,14 +102,7 @@ def make_delta_momentum(spec: Spec, measuring: bool = True) -> Any:
         whole_i = real(1.0)
         if wp.static(spec.free_surface):
             whole_i = wholeness_old[i]
-        least = whole_i  # wholeness of the neighbourhood
-        inward = vec()  # sum F V x_ij (lambda_j - lambda_i)
-        pressures = vec()  # sum p_j F V x_ij
-        even = vec()  # sum F V x_ij, zero on an even arrangement
-        slope_p = vec()  # sum of (p_j - p_i) F V x_ij
-        friction = vec()
-        push = vec()  # sum of [1 + R (W/W(dx))^4] F V x_ij
-        moment = mat()
+        least = whole_i  # 0 where a particle of a free surface is within the support
         into_wall = vec()  # sum F V x_ij over walls
         # of bodies, and of the sides of the domain; without bodies of their cells
         faces, sides = no_planes(params.spacing), no_planes(params.spacing)
@@ -119,31 +111,14 @@ def make_delta_momentum(spec: Spec, measuring: bool = True) -> Any:
         k = list_begin(i, list_width)
         step = list_step(particle_count)
         end = k + int(fluid_neighbours[i]) * step
-        while k < end:
-            j = neighbour(neighbours, i, k)
-            k += step
-            d = separation(xi, at_vec(position, j), wrapped, params)
-            r2 = wp.dot(d, d)
-            q = wp.sqrt(r2) * params.inv_h
-            state_j = at_pair(state, j)
-            f = slope(q) * state_j[1]
-            fd = f * d
-            pressures += state_j[0] * fd
-            even += fd
-            if wp.static(measured):
-                moment -= wp.outer(d, fd)
-            if wp.static(diffuses):
-                slope_p += (state_j[0] - p_i) * fd
-            if wp.static(viscous):
-                friction += (own.viscosity * f) * viscous_term(vi - at_vec(velocity, j), d, r2 + params.tiny, params.inv_h)
-            if wp.static(spec.artificial_viscosity):
-                friction += (artificial_viscosity * f) * artificial_term(vi - velocity[j], d, r2 + params.tiny, params.inv_h)
-            if wp.static(shifts):
-                push += crowding(shape(q) * shift_peak) * fd
-            if wp.static(spec.free_surface):
-                if q < real(wp.static(KERNELS[spec.kernel].support)):
-                    least = wp.min(least, at_real(wholeness_old, j))
-                inward += (at_real(wholeness_old, j) - whole_i) * fd
+        pairs = force_sums(
+            i, k, end, step, wrapped, xi, vi, p_i, whole_i, own.viscosity, artificial_viscosity, shift_peak, params,
+            neighbours, position, velocity, state, wholeness_old)  # fmt: skip
+        k = end
+        pressures, even, slope_p = vec() + pairs.pressures, vec() + pairs.even, vec() + pairs.slope_p
+        friction, push, moment = vec() + pairs.friction, vec() + pairs.push, mat() + pairs.moment
+        if pairs.ragged > real(0.0):
+            least = real(0.0)
         if wp.static(spec.walls):
             end += int(wall_neighbours[i]) * step
             while k < end:
@@ -223,7 +198,7 @@ def make_delta_momentum(spec: Spec, measuring: bool = True) -> Any:
         if wp.static(shifts):
             way = wp.min(real(clock[SPEED]), shift_speed) * real(clock[STEP])
             cap = wp.min(real(0.5) * way, params.shift_cap * params.h)
-            dx = limit_shift(push * (-params.shifting * way * params.h * g_norm), cap, whole, least, inward)
+            dx = limit_shift(push * (-params.shifting * way * params.h * g_norm), cap, whole, least, pairs.inward)
             if wp.static(spec.walls):
                 dx = held(held(dx, faces.gap, faces.normal, params.spacing), sides.gap, sides.normal, params.spacing)
             shift[i] = dx
@@ -255,22 +230,11 @@ def make_driving_force(spec: Spec) -> Any:
 
 
 @functools.cache
-def make_crowding(precision: str) -> Any:
-    """Return the `wp.func` crowding(w) = 1 + R w^4, w the smoothing kernel over that at a spacing."""
-    real = types(2, precision).real
-
-    @wp.func
-    def crowding(w: real):
-        return real(1.0) + real(CROWDING) * w * w * w * w
-
-    return crowding
-
-
-@functools.cache
 def make_limit_shift(spec: Spec) -> Any:
     """Return the `wp.func` limit_shift(dx, cap, whole, least, inward): a shift of at most `cap` that leaves a surface alone.
 
-    whole: least eigenvalue of the moment, least: the least of the neighbourhood, inward: any vector along its gradient.
+    whole: least eigenvalue of the moment, least: below WHOLE where one of the neighbourhood is, inward: any vector along the
+    gradient of it.
     Between ALONE and WHOLE the shift goes along the surface, below there is none. Next to such particles it does not go
     outwards: the fluid would swell row by row.
     """

@@ -24,9 +24,9 @@ from warpsph.kernels.core.viscosity import make_interface_stress
 
 from .body_flow import make_body_flow, shares
 from .disorder import make_disorder_due, make_disorder_friction
-from .inertia import make_loud
 from .interface_flow import make_density_between
 from .meeting_phases import make_parts_jump
+from .own_pairs import make_own_rates
 from .star import make_carried, make_jump, make_star
 
 PRESSED = 1.1  # density over that at rest from which on the impedance follows it
@@ -189,10 +189,10 @@ def make_continuity(spec: Spec) -> Any:
     (gravity_of, _), separation, at_vec, at_pair = make_forcing(spec), separation_of(spec), make_at(vec), make_at(pair)
     periodic, jumps = any(spec.periodic), spec.tension == "pressure_jump" and not spec.triple
     spray, sided = spec.free_surface and not spec.multiphase, spec.multiphase and not spec.paper_star
-    (_, stress_jump), linear = make_interface_stress(spec.dimension, spec.precision), spec.bodies and spec.corrected
+    _, stress_jump = make_interface_stress(spec.dimension, spec.precision)
     (followed, remembered), (due_now, _) = make_remembered(spec), make_disorder_due(spec)
-    uneven = make_disorder_friction(spec)
-    with_bodies, shared, loud, evenly = make_body_flow(spec), shares(spec), make_loud(spec), make_evenly(spec)
+    (_, own_rates), uneven = make_own_rates(spec), make_disorder_friction(spec)
+    with_bodies, shared, evenly = make_body_flow(spec), shares(spec), make_evenly(spec)
 
     @wp.kernel(**pair_sweep(spec))
     def continuity(
@@ -242,7 +242,7 @@ def make_continuity(spec: Spec) -> Any:
             if int(zone[i]) != FLUID:
                 return
         xi, vi, p_i = midway[i], velocity[i], state_old[i][0]
-        own_phase, due = int(0), due_now(counters)
+        own_phase = int(0)
         if wp.static(spec.multiphase):
             own_phase = int(phase[i])
         own = phases[own_phase]
@@ -258,8 +258,6 @@ def make_continuity(spec: Spec) -> Any:
         rate, blur, evening = real(0.0), real(0.0), real(0.0)
         # its derivative by the own pressure, over c_i; what it would be among the own phase; that of pairs of that
         stiffness, plain_stiffness, own_stiffness = real(0.0), real(0.0), real(0.0)
-        flow, moment = mat(), mat()  # sums of (v_j - v_i) (x) F V x_ij and of -x_ij (x) F V x_ij
-        disordered, crowd = vec(), real(0.0)  # sums of F V times the friction of disorder; of -F V r^2, d inside a fluid
         k, step = list_begin(i, list_width), list_step(particle_count)
         end = k + int(fluid_neighbours[i]) * step
         ahead = look(neighbours, i, k, end)
@@ -286,7 +284,6 @@ def make_continuity(spec: Spec) -> Any:
                         if wp.static(sided):
                             own_stiffness -= f * r
                         rate += f * term
-                        disordered += f * uneven(due, i, j, vi - at_vec(velocity, j), d, r, disorder_speed, flow_gradient)
                     else:
                         other = phases[other_phase]
                         if wp.static(spec.gravity):
@@ -318,29 +315,15 @@ def make_continuity(spec: Spec) -> Any:
                             dense = wp.where(own.density < other.density, j, i)
                             u_star += carried(own.density, other.density, velocity_gradient[dense], d) * inv_r
                         rate += real(2.0) * f * (wp.dot(vi, d) + r * u_star)
-        while k < end:
-            j = taken(ahead, neighbours, i, k)
-            k, ahead = onward(neighbours, i, k, step, end)
-            d = separation(xi, at_vec(midway, j), wrapped, params)
-            r = wp.sqrt(wp.dot(d, d))
-            state_j = at_pair(state_old, j)
-            f = slope(r * params.inv_h) * state_j[1]
-            term = wp.dot(vi - at_vec(velocity, j), d)
-            if wp.static(spec.dissipation):
-                dp = loud(p_i - state_j[0], i, j, d, own.density, params, forcing, pressure_gradient, inertia)
-                if wp.static(spray or damps or shared):
-                    blur += f * (dp * r * inv_z)
-                else:
-                    term += dp * r * inv_z
-            rate += f * term
-            disordered += f * uneven(due, i, j, vi - at_vec(velocity, j), d, r, disorder_speed, flow_gradient)
-            if wp.static(linear):
-                fd = f * d
-                flow += wp.outer(at_vec(velocity, j) - vi, fd)
-                moment -= wp.outer(d, fd)
-            if wp.static(spray):
-                stiffness -= f * r
-                crowd -= f * r * r
+        own_pairs = own_rates(
+            i, k, end, step, wrapped, xi, vi, p_i, inv_z, own, params, forcing, neighbours, midway, velocity, state_old,
+            pressure_gradient, inertia)  # fmt: skip
+        k = end
+        rate += own_pairs.rate
+        if wp.static(spray or damps or shared):
+            blur += own_pairs.blur
+        else:
+            rate += own_pairs.blur
         if wp.static(spec.walls):
             end += int(wall_neighbours[i]) * step
         if wp.static(spec.walls and not spec.bodies):
@@ -352,10 +335,10 @@ def make_continuity(spec: Spec) -> Any:
                 rate += real(2.0) * slope(wp.length(d) * params.inv_h) * params.wall_volume * wp.dot(vi - velocity[j], d)
         if wp.static(spec.bodies):
             rate = with_bodies(
-                rate, i, k, end, step, particle_count, wrapped, near, xi, vi, flow, moment, params, neighbours,
-                position, boundary_volume, velocity, mirror_velocity, slip, wall_normal, wall_depth)  # fmt: skip
+                rate, i, k, end, step, particle_count, wrapped, near, xi, vi, own_pairs.flow, own_pairs.moment, params,
+                neighbours, position, boundary_volume, velocity, mirror_velocity, slip, wall_normal, wall_depth)  # fmt: skip
         if wp.static(spray):
-            blur *= evenly(stiffness, params)
+            blur *= evenly(own_pairs.stiffness, params)
         if wp.static(sided):
             hard = real(clock[STEP]) * own.sound_speed * params.dissipation * params.g_norm * hardened
             alike = hard * softened * own.impedance / own.resistance
@@ -364,10 +347,13 @@ def make_continuity(spec: Spec) -> Any:
         s = density_excess[i]
         damped = damping((real(1.0) + s) * params.g_norm * rate, params, own)
         s += real(clock[STEP]) * (real(1.0) + s) * (params.g_norm * (rate + blur) + followed(i, room_part))
-        s = remembered(s, crowd * params.g_norm, i, thin)
+        s = remembered(s, own_pairs.crowd * params.g_norm, i, thin)
         density_excess[i] = s
-        if due:
-            disorder_force[i] = disordered * (params.g_norm * state_old[i][1] / rest_volume[i])
+        if wp.static(spec.disorder):
+            if due_now(counters):
+                disorder_force[i] = uneven(
+                    i, list_width, particle_count, wrapped, params, neighbours, fluid_neighbours, phase, midway, velocity,
+                    state_old, rest_volume, disorder_speed, flow_gradient)  # fmt: skip
         p = eos(s, own.stiffness, own.gamma) + own.background + damped
         state[i] = pair(p, rest_volume[i] / (real(1.0) + s))
 

@@ -14,9 +14,12 @@ from typing import Any
 import warp as wp
 
 from warpsph.kernels.core.clock import STEPS
-from warpsph.kernels.core.pair import make_at
+from warpsph.kernels.core.pair import list_access, make_at, make_element, make_part, way_of
 from warpsph.kernels.core.params import make_params, make_phase
+from warpsph.kernels.core.smoothing import make_smoothing
 from warpsph.kernels.core.spec import Spec, types_of
+
+from .body_flow import SMALLEST_MOMENT
 
 # What it takes from velocities that know nothing of each other is b <r>/(2 d nu) of what the viscosity takes,
 # <r> = sum |F| r V / sum |F| V = 2h/3 in 2-D and 6h/7 in 3-D (Wendland C2): as much at b = 6 and 7 nu/h.
@@ -74,31 +77,109 @@ def make_disorder_speed(spec: Spec) -> Any:
 
 
 @functools.cache
-def make_disorder_friction(spec: Spec) -> Any:
-    """Return the `wp.func` of what a pair adds to the acceleration, to be summed with F V_j; 0 where it is not due.
+def make_own_gradient(spec: Spec) -> Any:
+    """Return the `wp.func` own_gradient(i, ...) -> (G, whether the neighbours say it), of the own phase without walls."""
+    real, vec, mat, pair = types_of(spec)
+    Params, slope = make_params(spec.dimension, spec.precision), make_smoothing(spec.kernel, spec.precision)[1]
+    way, part, part_of_pair = way_of(spec), make_part(vec), make_part(pair)
+    list_begin, list_step, neighbour, Listed = list_access(spec)
 
-    disorder_friction(due, i, j, v_ij, x_ij, r, b, G), the last two those of all particles.
-    """
-    real, vec, mat, _ = types_of(spec)
-    at_real, at_mat = make_at(real), make_at(mat)
+    @wp.func
+    def own_gradient(
+        i: int,
+        list_width: int,
+        particle_count: int,
+        wrapped: bool,
+        params: Params,
+        neighbours: Listed,
+        fluid_neighbours: wp.array(dtype=wp.int16),
+        phase: wp.array(dtype=wp.int8),
+        position: wp.array(dtype=vec),
+        velocity: wp.array(dtype=vec),
+        state: wp.array(dtype=pair),
+    ):
+        x, v, d = position[i], velocity[i], vec()
+        flow, moment = mat(), mat()  # sums of (v_j - v_i) (x) F V x_ij and of -x_ij (x) F V x_ij
+        own_phase = wp.int8(0)
+        if wp.static(spec.multiphase):
+            own_phase = phase[i]
+        k, step = list_begin(i, list_width), list_step(particle_count)
+        end = k + int(fluid_neighbours[i]) * step
+        while k < end:
+            j = neighbour(neighbours, i, k)
+            k += step
+            r2 = real(0.0)
+            for axis in range(wp.static(spec.dimension)):
+                d[axis] = way(x[axis], part(position, j, axis), axis, wrapped, params)
+                r2 += d[axis] * d[axis]
+            f = slope(wp.sqrt(r2) * params.inv_h) * part_of_pair(state, j, 1)
+            if wp.static(spec.multiphase):
+                f = wp.where(phase[j] == own_phase, f, real(0.0))
+            for a in range(wp.static(spec.dimension)):
+                for b in range(wp.static(spec.dimension)):
+                    flow[a, b] += (part(velocity, j, a) - v[a]) * (f * d[b])
+                    moment[a, b] -= d[a] * (f * d[b])
+        m = moment * params.g_norm
+        if wp.determinant(m) > real(SMALLEST_MOMENT):
+            return (flow * params.g_norm) * wp.inverse(m), True
+        return mat(), False
+
+    return own_gradient
+
+
+@functools.cache
+def make_disorder_friction(spec: Spec) -> Any:
+    """Return the `wp.func` disorder_friction(i, ...): the acceleration that it is."""
+    real, vec, mat, pair = types_of(spec)
+    Params, slope = make_params(spec.dimension, spec.precision), make_smoothing(spec.kernel, spec.precision)[1]
+    way, part, part_of_pair = way_of(spec), make_part(vec), make_part(pair)
+    at, element = make_at(real), make_element(mat)
+    list_begin, list_step, neighbour, Listed = list_access(spec)
 
     @wp.func
     def disorder_friction(
-        due: bool,
         i: int,
-        j: int,
-        v: vec,
-        d: vec,
-        r: real,
+        list_width: int,
+        particle_count: int,
+        wrapped: bool,
+        params: Params,
+        neighbours: Listed,
+        fluid_neighbours: wp.array(dtype=wp.int16),
+        phase: wp.array(dtype=wp.int8),
+        position: wp.array(dtype=vec),
+        velocity: wp.array(dtype=vec),
+        state: wp.array(dtype=pair),
+        rest_volume: wp.array(dtype=real),
         speeds: wp.array(dtype=real),
         gradients: wp.array(dtype=mat),
     ):
-        result = vec()
-        if due:
-            own, other = speeds[i], at_real(speeds, j)
-            if wp.min(own, other) >= real(0.0) and own + other > real(0.0) and r > real(0.0):
-                beyond = wp.dot(v - real(0.5) * ((gradients[i] + at_mat(gradients, j)) * d), d)
-                result = (real(0.5) * (own + other) * beyond / r) * d
-        return result
+        x, v, own, gradient, d, total = position[i], velocity[i], speeds[i], gradients[i], vec(), vec()
+        own_phase = wp.int8(0)
+        if wp.static(spec.multiphase):
+            own_phase = phase[i]
+        k, step = list_begin(i, list_width), list_step(particle_count)
+        end = k
+        if own >= real(0.0):
+            end = k + int(fluid_neighbours[i]) * step
+        while k < end:
+            j = neighbour(neighbours, i, k)
+            k += step
+            r2, beyond = real(0.0), real(0.0)
+            for axis in range(wp.static(spec.dimension)):
+                d[axis] = way(x[axis], part(position, j, axis), axis, wrapped, params)
+                r2 += d[axis] * d[axis]
+                beyond += (v[axis] - part(velocity, j, axis)) * d[axis]
+            for a in range(wp.static(spec.dimension)):
+                for b in range(wp.static(spec.dimension)):
+                    beyond -= real(0.5) * (gradient[a, b] + element(gradients, j, a, b)) * d[a] * d[b]
+            r, other = wp.sqrt(r2), at(speeds, j)
+            f = slope(r * params.inv_h) * part_of_pair(state, j, 1)
+            push = f * (real(0.5) * (own + other)) * beyond / wp.where(r > real(0.0), r, real(1.0))
+            push = wp.where(other >= real(0.0), push, real(0.0))
+            if wp.static(spec.multiphase):
+                push = wp.where(phase[j] == own_phase, push, real(0.0))
+            for axis in range(wp.static(spec.dimension)):
+                total[axis] += push * d[axis]
+        return total * (params.g_norm * state[i][1] / rest_volume[i])
 
     return disorder_friction

@@ -12,10 +12,9 @@ from typing import Any
 import warp as wp
 
 from warpsph.kernels.core.clock import LAST_STEP, STEP
-from warpsph.kernels.core.pair import make_at
 from warpsph.kernels.core.params import make_params, make_phase
 from warpsph.kernels.core.spec import Spec, types_of
-from warpsph.kernels.core.time_signals import GRAVITY_NOW, make_forcing
+from warpsph.kernels.core.time_signals import make_forcing
 from warpsph.kernels.core.wall_fit import FOLLOW
 
 
@@ -51,39 +50,20 @@ def make_inertia(spec: Spec) -> Any:
 
 @functools.cache
 def make_loud(spec: Spec) -> Any:
-    """Return the `wp.func` loud(difference, i, j, d, ...): what sound has of p_i - p_j [Pa] of one fluid, d = x_i - x_j.
+    """Return the `wp.func` loud(left, spared): what sound has of p_i - p_j [Pa] of one fluid, less what is borne (`left`).
 
     b may take no more than what gravity leaves, nor turn its sign: on crumbs of spray the acceleration is that of pressures
     which have no gradient, and would feed them.
     """
-    real, vec, _, _ = types_of(spec)
-    Params = make_params(spec.dimension, spec.precision)
-    (gravity_of, _), at_vec = make_forcing(spec), make_at(vec)
-    linear = spec.bodies and spec.corrected
+    real = types_of(spec).real
 
     @wp.func
-    def loud(
-        difference: real,
-        i: int,
-        j: int,
-        d: vec,
-        density: real,
-        params: Params,
-        forcing: wp.array(dtype=vec),
-        pressure_gradient: wp.array(dtype=vec),
-        inertia: wp.array(dtype=vec),
-    ):
-        left = difference
-        if wp.static(linear):
-            left -= real(0.5) * wp.dot(pressure_gradient[i] + at_vec(pressure_gradient, j), d)
-        elif wp.static(spec.gravity):
-            left -= density * wp.dot(gravity_of(params, forcing, GRAVITY_NOW), d)
-        if wp.static(spec.inertia):
-            spared = (real(0.5) * density) * wp.dot(inertia[i] + at_vec(inertia, j), d)
-            # as `wp.clamp`, whose care for what is no number takes half as long as all of the pair
-            low, high = wp.where(left < real(0.0), left, real(0.0)), wp.where(left > real(0.0), left, real(0.0))
-            spared = wp.where(spared > low, spared, low)
-            left -= wp.where(spared < high, spared, high)
-        return left
+    def loud(left: real, spared: real):
+        if wp.static(not spec.inertia):
+            return left
+        # as `wp.clamp`, whose care for what is no number takes half as long as all of the pair
+        low, high = wp.where(left < real(0.0), left, real(0.0)), wp.where(left > real(0.0), left, real(0.0))
+        bounded = wp.where(spared > low, spared, low)
+        return left - wp.where(bounded < high, bounded, high)
 
     return loud

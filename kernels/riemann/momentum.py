@@ -32,15 +32,15 @@ import warp as wp
 
 from warpsph.kernels.core.clock import MAXIMA, STEP
 from warpsph.kernels.core.fields import FLUID
-from warpsph.kernels.core.pair import BAND, NEAR, WRAPPED, list_access, look_ahead, make_at, separation_of
+from warpsph.kernels.core.pair import BAND, NEAR, WRAPPED, list_access, look_ahead, make_at, make_part, separation_of, way_of
 from warpsph.kernels.core.params import make_params, make_phase
 from warpsph.kernels.core.planes import make_planes
 from warpsph.kernels.core.smoothing import make_smoothing
 from warpsph.kernels.core.spec import Spec, curvature_type, pair_sweep, types_of
 from warpsph.kernels.core.time_signals import GRAVITY_NEXT, make_forcing
-from warpsph.kernels.core.viscosity import make_interface_stress, make_series_mean, make_viscosity
+from warpsph.kernels.core.viscosity import make_interface_stress, make_series_mean, make_viscosity, make_viscous_parts
 
-from .disorder import UNKNOWN, make_disorder_due, make_disorder_speed
+from .disorder import UNKNOWN, make_disorder_due, make_disorder_speed, make_own_gradient
 from .interface_flow import make_density_between
 from .meeting_phases import make_parts_jump
 from .room import make_window
@@ -76,6 +76,8 @@ def make_momentum(spec: Spec) -> Any:
     no_planes, noted = make_planes(spec.dimension, spec.precision)
     viscous = spec.viscosity != "none"
     viscous_term = make_viscosity(spec.viscosity if viscous else "morris", spec.dimension, spec.precision)
+    share, with_way = make_viscous_parts(spec.viscosity if viscous else "morris", spec.dimension, spec.precision)
+    with_velocity = real(share)
     gravity_of, body_force_of = make_forcing(spec)
     periodic = any(spec.periodic)
     jumps = spec.tension == "pressure_jump" and not spec.triple
@@ -84,6 +86,8 @@ def make_momentum(spec: Spec) -> Any:
     sided = spec.multiphase and not spec.paper_star
     kinked = sided and spec.corrected  # its gradients see where the interface cuts a pair
     (_, due_next), speed_of_disorder = make_disorder_due(spec), make_disorder_speed(spec)
+    own_gradient = make_own_gradient(spec)
+    way, part, part_of_pair = way_of(spec), make_part(vec), make_part(pair)
     window = make_window(spec.precision)
     series_mean = make_series_mean(spec.precision)
     stress_traction, stress_jump = make_interface_stress(spec.dimension, spec.precision)
@@ -150,7 +154,6 @@ def make_momentum(spec: Spec) -> Any:
                     shift[i] = vec()
                     carried[i] = vec()
                 return
-        due = due_next(counters)  # the next step finds the friction of disorder anew
         xi = position[i]
         vi = velocity[i]
         state_i = state[i]
@@ -179,7 +182,7 @@ def make_momentum(spec: Spec) -> Any:
         flow = mat()  # sum of (v_j - v_i) (x) F V x_ij over the own phase: its velocity gradient
         wall_flow = mat()  # the same over no-slip walls and the velocities mirrored in them
         clings = bool(False)  # a no-slip wall is within the support
-        own_moment = mat()  # -sum of x_ij (x) F V x_ij over the own phase: whether its gradient is known
+        d = vec()
         own_even = vec()  # sum of F V x_ij over the own phase
         into_wall = vec()  # the same over walls: their normal, away from the fluid
         gap2 = params.spacing * params.spacing  # square of the distance to the nearest wall cell [m^2]
@@ -231,10 +234,8 @@ def make_momentum(spec: Spec) -> Any:
                     if other_phase == own_phase:
                         if wp.static(spec.walls):
                             own_even += fd
-                        if wp.static(spec.shifting or spec.disorder):
+                        if wp.static(spec.shifting):
                             flow += wp.outer(at_vec(velocity, j) - vi, fd)
-                        if due:
-                            own_moment -= wp.outer(d, fd)
                         if wp.static(spec.corrected):
                             own_sum += (state_j[0] - p_i) * fd
                         else:
@@ -284,34 +285,49 @@ def make_momentum(spec: Spec) -> Any:
                             repulsion += (wp.abs(p_i) + wp.abs(state_j[0])) * fd
                     if wp.static(viscous):
                         viscous_sum += (mu * f) * viscous_term(vi - at_vec(velocity, j), d, r2 + params.tiny, params.inv_h)
+        # sums of their own: what leaves the loop as a vector is one in it, see `make_part`
+        p_own, p_pair, e_own, e_all, drag_sum, m_sum, f_sum = vec(), vec(), vec(), vec(), vec(), mat(), mat()
         while k < end:
             j = taken(ahead, neighbours, i, k)
             k, ahead = onward(neighbours, i, k, step, end)
-            d = separation(xi, at_vec(position, j), wrapped, params)
-            r2 = wp.dot(d, d)
-            state_j = at_pair(state, j)
-            f = slope(wp.sqrt(r2) * params.inv_h) * state_j[1]
-            fd = f * d
-            if wp.static(spec.corrected):
-                moment -= wp.outer(d, fd)
-                own_sum += (state_j[0] - p_i) * fd
-            else:
-                pressure_sum += (state_j[0] + p_i) * fd
+            r2, closing = real(0.0), real(0.0)
+            for axis in range(wp.static(spec.dimension)):
+                d[axis] = way(xi[axis], part(position, j, axis), axis, wrapped, params)
+                r2 += d[axis] * d[axis]
+                if wp.static(viscous):
+                    closing += (vi[axis] - part(velocity, j, axis)) * d[axis]
+            p_j, volume = part_of_pair(state, j, 0), part_of_pair(state, j, 1)
+            f = slope(wp.sqrt(r2) * params.inv_h) * volume
+            drag = (own.viscosity * f) * with_way(closing, r2 + params.tiny, params.inv_h)
+            for axis in range(wp.static(spec.dimension)):
+                fd_axis = f * d[axis]
+                if wp.static(spec.corrected or spec.shifting):
+                    p_own[axis] += (p_j - p_i) * fd_axis
+                if wp.static(not spec.corrected):
+                    p_pair[axis] += (p_j + p_i) * fd_axis
+                if wp.static(spec.walls):
+                    e_own[axis] += fd_axis
                 if wp.static(spec.shifting):
-                    own_sum += (state_j[0] - p_i) * fd
-            if wp.static(spec.walls):
-                own_even += fd
-            if wp.static(spec.shifting):
-                even += fd
-            if wp.static(spec.shifting or spec.disorder):
-                flow += wp.outer(at_vec(velocity, j) - vi, fd)
-            if due:
-                own_moment -= wp.outer(d, fd)
+                    e_all[axis] += fd_axis
+                if wp.static(viscous):
+                    drag_sum[axis] += own.viscosity * f * with_velocity * (vi[axis] - part(velocity, j, axis))
+                    drag_sum[axis] += drag * d[axis]
+                for row in range(wp.static(spec.dimension)):
+                    if wp.static(spec.corrected):
+                        m_sum[axis, row] -= fd_axis * d[row]
+                    if wp.static(spec.shifting):
+                        f_sum[row, axis] += (part(velocity, j, row) - vi[row]) * fd_axis
             if wp.static(spec.room):
-                room += window(r2, params.inv_window) * state_j[1]
-            if wp.static(viscous):
-                v = vi - at_vec(velocity, j)
-                viscous_sum += (own.viscosity * f) * viscous_term(v, d, r2 + params.tiny, params.inv_h)
+                room += window(r2, params.inv_window) * volume
+        for axis in range(wp.static(spec.dimension)):
+            own_sum[axis] += p_own[axis]
+            pressure_sum[axis] += p_pair[axis]
+            own_even[axis] += e_own[axis]
+            even[axis] += e_all[axis]
+            viscous_sum[axis] += drag_sum[axis]
+            for row in range(wp.static(spec.dimension)):
+                moment[axis, row] += m_sum[axis, row]
+                flow[axis, row] += f_sum[axis, row]
         if wp.static(spec.walls):
             end += int(wall_neighbours[i]) * step
             while k < end:
@@ -502,15 +518,17 @@ def make_momentum(spec: Spec) -> Any:
         if wp.static(spec.bodies and spec.corrected):
             pressure_gradient[i] = gradient
 
-        if due:
-            speed, inner = real(UNKNOWN), mat()
-            # of the fluid alone: mirrored velocities of no-slip walls are no part of the flow between particles
-            m_own = own_moment * g_norm
-            if wp.determinant(m_own) > real(SMALLEST_MOMENT):
-                inner = (flow * g_norm) * wp.inverse(m_own)
-                speed = speed_of_disorder(inner, clings, params, own)
-            flow_gradient[i] = inner
-            disorder_speed[i] = speed
+        if wp.static(spec.disorder):
+            if due_next(counters):
+                # of the fluid alone: mirrored velocities of no-slip walls are no part of the flow between particles
+                inner, known = own_gradient(
+                    i, list_width, particle_count, wrapped, params, neighbours, fluid_neighbours, phase, position, velocity,
+                    state)  # fmt: skip
+                speed = real(UNKNOWN)
+                if known:
+                    speed = speed_of_disorder(inner, clings, params, own)
+                flow_gradient[i] = inner
+                disorder_speed[i] = speed
 
         if wp.static(spec.shifting):
             # The flow disorders particles at the rate of its velocity gradient, so the shift works at that rate: a resting

@@ -107,7 +107,7 @@ OPTIONS = argparse.Namespace(device="cpu", limit=300.0)
     ("constant", "run"),
     [
         ("warpsph.kernels.gas.gas_forces.WEAK", "sod/180"),  # a global of a kernel
-        ("warpsph.kernels.delta.delta_momentum.CROWDING", "taylor_green/25 delta_plus"),
+        ("warpsph.kernels.delta.fluid_pairs.CROWDING", "taylor_green/25 delta_plus"),
         ("warpsph.schemes.gas_physics.COURANT", "sod/180"),  # a number of the host
     ],
 )
