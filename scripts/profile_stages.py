@@ -5,9 +5,9 @@
 
 Scenes (all, if none is named): `droplet`, a square droplet of two phases with tension between walls; `vortices`, the
 Taylor-Green flow with the defaults of the Riemann scheme; `lean`, the same with the conservative gradient and
-h = 1.25 dx; `surface` and `surface_3d`, dam breaks of the Riemann scheme; `bubble`, the bubble that rises, water and air with
-tension between walls; `delta`, vortices with delta-plus-SPH; `drop`, the elliptic drop of projection ISPH; `blast`, the
-point explosion of the compressible gas in 2-D.
+h = 1.25 dx; `surface` and `surface_3d`, dam breaks of the Riemann scheme; `bubble`, the bubble that rises, water and air
+with tension between walls; `delta`, vortices with delta-plus-SPH; `drop`, the elliptic drop of projection ISPH; `blast`,
+the point explosion of the compressible gas in 2-D.
 
 Steps run from the host, stage by stage, on a GPU too, with the device's own clock around each: what a graph saves between
 stages is not in it, and the times of a GPU add up to more than a step takes. `us/step` is what a stage takes of a step on
