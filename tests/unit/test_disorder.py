@@ -55,14 +55,16 @@ def test_it_keeps_momentum_and_angular_momentum_and_takes_energy():
     assert (push * fluid.velocity).sum() < 0
 
 
-def by_all_pairs(position, velocity, mass, density, sound):
-    """The law over all pairs in numpy (n, 2): Wendland C2, h = 1.5 spacings, without viscosity."""
+def by_all_pairs(position, velocity, mass, density, sound, phase=None):
+    """The law over all pairs of one phase in numpy (n, 2): Wendland C2, h = 1.5 spacings, without viscosity."""
     h, volume = 1.5 / 24, mass / density
     d = position[:, None] - position[None]
     r = np.linalg.norm(d, axis=2) + np.eye(len(d))
     q = np.minimum(r / h, 2)
     weight = -35 / (4 * np.pi * h**4) * (1 - q / 2) ** 3 * volume[None]  # F V_j
     np.fill_diagonal(weight, 0)
+    if phase is not None:
+        weight = weight * (phase[:, None] == phase[None])
     v = velocity[:, None] - velocity[None]
     moment = -np.einsum("ij,ija,ijb->iab", weight, d, d)
     gradient = -np.einsum("ij,ija,ijb->iab", weight, v, d) @ np.linalg.inv(moment)
@@ -79,6 +81,19 @@ def test_it_is_the_law():
     fluid, force = friction(ROUGH, domain=domain, fluids=disc)
     # of three steps the first has none: no continuity sweep is before it
     law = by_all_pairs(fluid.position, fluid.velocity, fluid.mass, fluid.density, 20.0)
+    share = (force * law).sum() / (law**2).sum()
+    assert 0.5 < share < 1.0
+    assert np.abs(force - share * law).max() < 1e-4 * np.abs(law).max()
+
+
+def test_fluids_that_touch_do_not_rub_by_it():
+    """Two fluids that are alike, side by side: each has the law by itself."""
+    domain = BOX["domain"] | {"boundary": {"x": "open", "y": "open"}}
+    halves = [{"phase": name, "shape": {"box": {"lower": [x, -0.4], "upper": [x + 0.4, 0.4]}}}
+              for name, x in (("water", -0.4), ("brine", 0.0))]  # fmt: skip
+    phases = {name: BOX["phases"]["water"] for name in ("water", "brine")}
+    fluid, force = friction(ROUGH, domain=domain, fluids=halves, phases=phases)
+    law = by_all_pairs(fluid.position, fluid.velocity, fluid.mass, fluid.density, 20.0, fluid.phase)
     share = (force * law).sum() / (law**2).sum()
     assert 0.5 < share < 1.0
     assert np.abs(force - share * law).max() < 1e-4 * np.abs(law).max()

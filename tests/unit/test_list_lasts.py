@@ -4,10 +4,13 @@ import copy
 
 import numpy as np
 import pytest
+import warp as wp
 
 from tests.scenes import PERIODIC
 from warpsph.case.case import Case
 from warpsph.kernels.core import clock as ck
+from warpsph.kernels.core.slack import make_extremes
+from warpsph.kernels.core.spec import types
 from warpsph.running.model import Model
 
 STEPS = 60
@@ -56,3 +59,22 @@ def test_every_pair_of_every_step_is_in_the_list(numerics, device):
     assert counters[ck.STEPS] == STEPS
     # Else little has been tested: a list that is made in every step is complete.
     assert 2 < counters[ck.REBUILDS] - first < 0.75 * STEPS
+
+
+@pytest.mark.parametrize(("dimension", "precision"), [(1, "float32"), (2, "float64"), (3, "float32")])
+def test_extremes_are_those_of_each_axis(dimension, precision, device):
+    vec = types(dimension, precision).vec
+    lower, higher = make_extremes(dimension, precision)
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def extremes(a: wp.array(dtype=vec), b: wp.array(dtype=vec), low: wp.array(dtype=vec), high: wp.array(dtype=vec)):
+        i = wp.tid()
+        low[i] = lower(a[i], b[i])
+        high[i] = higher(a[i], b[i])
+
+    rng = np.random.default_rng(3)
+    a, b = (wp.array(rng.normal(size=(100, dimension)), dtype=vec, device=device) for _ in range(2))
+    low, high = wp.zeros_like(a), wp.zeros_like(a)
+    wp.launch(extremes, dim=100, inputs=[a, b, low, high], device=device)
+    np.testing.assert_array_equal(low.numpy(), np.minimum(a.numpy(), b.numpy()))
+    np.testing.assert_array_equal(high.numpy(), np.maximum(a.numpy(), b.numpy()))
