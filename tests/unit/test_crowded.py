@@ -47,15 +47,18 @@ def after(model, steps):
     return float(np.abs(model.particles.get("density_excess")).max()), float(speed)
 
 
-@pytest.mark.parametrize(("dimension", "share"), [(2, 0.7), (3, 0.9), (3, 0.8)])
-def test_noise_of_crowded_fluid_dies(dimension, share):
-    """Two particles in the place of one, in 3-D 1.4 and 2: without it 1 cm/s becomes 1 m/s in 50 steps, or it diverges."""
+@pytest.mark.parametrize(("dimension", "share", "grown"), [(2, 0.7, 50), (3, 0.9, 400), (3, 0.8, 400)])
+def test_noise_of_crowded_fluid_dies(dimension, share, grown):
+    """Two particles in the place of one, in 3-D 1.4 and 2: without it 1 cm/s becomes 1 m/s in so many steps, or it diverges.
+
+    Later the friction of disorder may have taken what was left of it.
+    """
     excess, speed = after(square(dimension, share), 400)
     assert excess < 1e-3
     assert speed < 5 * NOISE
     model = square(dimension, share)
     model.stepper.bindings["params"].even_slope = 1e9
-    excess, speed = after(model, 400)
+    excess, speed = after(model, grown)
     assert excess > 0.01 or speed > 50 * NOISE
 
 
