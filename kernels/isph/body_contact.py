@@ -9,9 +9,11 @@ import warp as wp
 from warpsph.kernels.core.pair import list_access, separation_of
 from warpsph.kernels.core.params import make_params
 from warpsph.kernels.core.poses import make_pose, make_velocity_at
+from warpsph.kernels.core.smoothing import make_smoothing
 from warpsph.kernels.core.spec import Spec, types_of
 
 ROUNDING = 0.01  # distance of a foot from a plane that counts as none, in spacings
+SMOOTH = 0.866  # cosine of 30 degrees: from face to face, and from a face to an edge, normals turn by more
 ALONG = 0.01  # what decides between planes at the same distance: share of the way to the foot along the surface
 
 
@@ -28,11 +30,13 @@ def make_contact(spec: Spec) -> Any:
     the diagonal of a cell.
 
     Particles without an area, deeper or past the edge of a thin tail, where there is no surface, do not count.
-    The speed is that of the plane at x_i: as a body turns its planes do.
+    The speed is that of the plane at x_i: as a body turns its planes do. The normal is a mean of those of the surface around
+    x_i: that of the foot of one boundary particle would take a share of what slides along a hollow wall at each stop.
     """
     real, vec, _, _ = types_of(spec)
     Params = make_params(spec.dimension, spec.precision)
     separation = separation_of(spec)
+    shape, _ = make_smoothing(spec.kernel, spec.precision)
     list_begin, list_step, neighbour, Listed = list_access(spec)
     velocity_at = make_velocity_at(spec)
     Pose = make_pose()
@@ -100,5 +104,19 @@ def make_contact(spec: Spec) -> Any:
                     if wp.static(spec.moving):
                         pace = velocity_at(pace, d, wall_body[b], body_motion, poses)
                     wall_pace[i] = wp.dot(n, pace)
+        # The surface turns from one boundary particle to the next: the normal at x_i is a mean of theirs.
+        chosen = vec() + beside[i]
+        mean = vec()
+        k = begin
+        while k < end:
+            j = neighbour(neighbours, i, k)
+            k += step
+            b = j - walls_begin
+            n = wall_normal[b]
+            if wall_area[b] > real(0.0) and wp.dot(n, chosen) > real(SMOOTH):
+                d = separation(xi, position[j], True, params)
+                mean += n * (shape(wp.length(d) * params.inv_h) / shape(real(0.0)))
+        if wp.length(mean) > real(1.0e-6):
+            beside[i] = wp.normalize(mean)
 
     return contact

@@ -109,8 +109,10 @@ def make_advect(spec: Spec) -> Any:
                 need = real(CLOSEST) * params.spacing - left
                 if need > real(0.0):
                     way += need * n
-                    v += n * wp.max(wall_pace[i] - wp.dot(v, n), real(0.0))
-                    old += n * wp.max(wall_pace[i] - wp.dot(old, n), real(0.0))
+                    # what it had gathered of a turn along the wall it keeps, or it would run straight into the wall again
+                    stop = n * wp.max(wall_pace[i] - wp.dot(v, n), real(0.0))
+                    v += stop
+                    old += stop
         x = anchor[i] + way
         if wp.static(spec.mirror):
             # Pressure keeps the fluid off a wall, but a particle of the surface has none: it ends at the wall like a drop.
@@ -278,6 +280,10 @@ def make_predict(spec: Spec) -> Any:
                 fd = f * d
                 moment -= wp.outer(d, fd)
                 even += fd
+                if wp.static(spec.shifting):
+                    near = shape(q) * per_spacing
+                    near = near * near
+                    pairing += (near * near) * fd
                 among -= f * r2
                 if wp.static(isotropic):
                     f = friction_slope(q) * wall_volume

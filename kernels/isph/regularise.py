@@ -21,7 +21,7 @@ CROWDED = 0.85  # distance below which particles next to a free surface are push
 PUSH = 0.25  # of A |grad u| dt, times the spacing
 MOST_PUSH = 0.1  # of |grad u| dt: beyond it a push overshoots
 MOST_FILTER = 0.5  # share of a velocity's deviation that one step may take out; with 1 two particles would swap theirs
-MOST_SHIFT = 0.5  # of A |grad u| dt
+MOST_SHIFT = 0.5  # of A |D| dt
 # Rate over |grad u| at which the depth of a row at the surface goes to that of its spread: none at rest, where the spread
 # would make waves of a few spacings grow (0.5 to 20 on record, docs/records/isph.md#depth).
 EVENING = 8.0
@@ -103,13 +103,13 @@ def make_fastest(spec: Spec) -> Any:
 def make_regularise(spec: Spec) -> Any:
     """Return the sweep that measures the divergence left over and finds the shift towards an even arrangement.
 
-    dx = -A |grad u| dt h^2 grad C; what the particle carries changes by grad u dx. Next to a free surface that is done along
-    it alone; across it particles nearer than CROWDED spacings are pushed apart by 0.25 A |grad u| dt dx sum (1 - r/r_0) e,
-    which is zero on an even arrangement with or without neighbours outside. There grad u dx may be an extrapolation: it
-    makes a particle no faster along its change than its neighbours are. With a free surface how much the velocity is
-    smoothed, f |grad u| dt with f = `velocity_filter`, and its gradient are left to `velocity_smoothing`, and two
-    particles that come nearer than CONTACT spacings lose their speed of approach, each one half of it, as in a plastic
-    collision: in a splash no pressure acts between them.
+    dx = -A |D| dt h^2 grad C, D the rate of strain; what the particle carries changes by grad u dx. Next to a free surface
+    that is done along it alone, with |grad u| for |D|; across it particles nearer than CROWDED spacings are pushed apart by
+    0.25 A |grad u| dt dx sum (1 - r/r_0) e, which is zero on an even arrangement with or without neighbours outside. There
+    grad u dx may be an extrapolation: it makes a particle no faster along its change than its neighbours are. With a free
+    surface how much the velocity is smoothed, f |grad u| dt with f = `velocity_filter`, and its gradient are left to
+    `velocity_smoothing`, and two particles that come nearer than CONTACT spacings lose their speed of approach, each one
+    half of it, as in a plastic collision: in a splash no pressure acts between them.
     """
     real, vec, mat, _ = types_of(spec)
     Params = make_params(spec.dimension, spec.precision)
@@ -241,15 +241,19 @@ def make_regularise(spec: Spec) -> Any:
         if wp.static(spec.shifting):
             dt = real(clock[STEP])
             strength = wp.sqrt(wp.ddot(shear, shear)) * dt
+            strain = real(0.5) * (shear + wp.transpose(shear))
+            pace = wp.sqrt(wp.ddot(strain, strain)) * dt  # a fluid that turns as a whole stays as even as it is
             near = bool(False)
-            # beyond half of h^2 grad C a shift overshoots what is even
-            dx = crowding[i] * (-wp.min(params.shifting * strength, real(MOST_SHIFT)) * params.h * params.h)
             if wp.static(spec.free_surface):
-                length = wp.length(outward)
                 # at the rim of the support the weight is tiny, and its square zero
-                if length > real(1.0e-6) * shape(real(0.0)):
-                    near = True
-                    n = outward / length
+                near = wp.length(outward) > real(1.0e-6) * shape(real(0.0))
+                if near:
+                    pace = strength
+            # beyond half of h^2 grad C a shift overshoots what is even
+            dx = crowding[i] * (-wp.min(params.shifting * pace, real(MOST_SHIFT)) * params.h * params.h)
+            if wp.static(spec.free_surface):
+                if near:
+                    n = wp.normalize(outward)
                     push = real(PUSH) * params.shifting * wp.min(strength, real(MOST_PUSH)) * params.spacing
                     dx += n * (push * wp.dot(apart_sum, n) - wp.dot(dx, n))
                 if surface[i] == wp.uint8(ISOLATED):

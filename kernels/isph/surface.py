@@ -24,6 +24,7 @@ ISOLATED = 2
 CANDIDATE = 0.875
 LONE = 0.3
 CORNER = 0.6
+CONE = 0.7  # cosine of 45 degrees less a margin, so that on a lattice rounding decides nothing
 # Below this a particle is at a surface or at a void inside the fluid, in whatever direction: a void must be free to open and
 # to close, where the pressure equation would pull it together with any tension.
 SPARSE = 0.75
@@ -125,7 +126,7 @@ def make_surface(spec: Spec) -> tuple[Any, Any]:
             e = -apart(xi, position[j], code, wrapped, params, sides)
             r = wp.length(e)
             if r < far:
-                covered = wp.dot(e, n) > real(0.70710678) * r
+                covered = wp.dot(e, n) > real(CONE) * r
             else:
                 covered = wp.length(e - n * params.h) < params.h
             if j < company.shape[0]:
