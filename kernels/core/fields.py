@@ -65,6 +65,11 @@ def free_surface(spec: Spec) -> bool:
     return spec.free_surface
 
 
+def pierced_surface(spec: Spec) -> bool:
+    """Runs with a free surface and bodies, which may stand out of it."""
+    return spec.free_surface and spec.bodies
+
+
 def followed(spec: Spec) -> bool:
     """Runs with bodies whose surface pressure follows the fluid slowly."""
     return spec.wall_sound

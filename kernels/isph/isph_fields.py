@@ -1,6 +1,16 @@
 """The particle fields of projection ISPH, beside those that every scheme of fluid flow has."""
 
-from warpsph.kernels.core.fields import COMMON, FLOW, Field, always, bodies, free_surface, moving_bodies, viscous_surface
+from warpsph.kernels.core.fields import (
+    COMMON,
+    FLOW,
+    Field,
+    always,
+    bodies,
+    free_surface,
+    moving_bodies,
+    pierced_surface,
+    viscous_surface,
+)
 
 ISPH_FIELDS: tuple[Field, ...] = (
     *COMMON,
@@ -27,6 +37,7 @@ ISPH_FIELDS: tuple[Field, ...] = (
     Field("beside", "vec", "fluid", True, bodies, "-", "normal of the surface before a particle in the last step; 0: none"),
     Field("wall_gap", "real", "fluid", True, bodies, "m", "distance from it"),
     Field("wall_pace", "real", "fluid", True, bodies, "m/s", "its velocity along the normal"),
+    Field("wetness", "real", "wall", False, pierced_surface, "-", "0: above the surface of the fluid before it; 1: below"),
     Field("velocity_ahead", "vec", "all", False, bodies, "m/s", "velocity extrapolated to the end of the step"),
     Field("wall_before", "vec", "wall", True, moving_bodies, "m/s", "velocity of a wall particle at the start of the step"),
     Field("wall_before_old", "vec", "wall", True, moving_bodies, "m/s", "the same, one step earlier"),

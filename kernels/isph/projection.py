@@ -41,7 +41,7 @@ from warpsph.kernels.core.mirror import NO_WALL, code_shift, make_images, make_s
 from warpsph.kernels.core.pair import WRAPPED, list_access, natural
 from warpsph.kernels.core.params import make_params, make_phase
 from warpsph.kernels.core.smoothing import make_smoothing
-from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, types_of
+from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, types, types_of
 from warpsph.kernels.core.time_signals import GRAVITY_NEXT, make_forcing
 from warpsph.kernels.core.viscosity import make_friction_slope, make_viscosity
 from warpsph.kernels.core.weights import make_weights
@@ -139,6 +139,34 @@ def make_advect(spec: Spec) -> Any:
 
 
 @functools.cache
+def make_inverted(dimension: int, precision: str) -> Any:
+    """Return the `wp.func` inverted(m): the inverse of a moment, 1 where the neighbourhood is too thin for it."""
+    real, _, mat, _ = types(dimension, precision)
+    smallest = SMALLEST_MOMENT**dimension
+
+    @wp.func
+    def inverted(m: mat):
+        inverse = wp.identity(n=wp.static(dimension), dtype=real)
+        if wp.determinant(m) > real(smallest):
+            inverse = wp.inverse(m)
+        return inverse
+
+    return inverted
+
+
+@functools.cache
+def make_fourth(precision: str) -> Any:
+    """Return the `wp.func` fourth(x) = x^4."""
+    real = types(2, precision).real
+
+    @wp.func
+    def fourth(x: real):
+        return (x * x) * (x * x)
+
+    return fourth
+
+
+@functools.cache
 def make_predict(spec: Spec) -> Any:
     """Return the sweep that finds what a neighbourhood looks like and the velocity u* without pressure.
 
@@ -160,6 +188,7 @@ def make_predict(spec: Spec) -> Any:
     isotropic = spec.viscosity == "isotropic"
     friction_slope = make_friction_slope(spec.viscosity, spec.kernel, spec.dimension, spec.precision)
     time_weights = make_weights(spec.second_order)
+    inverted, fourth = make_inverted(spec.dimension, spec.precision), make_fourth(spec.precision)
     periodic = any(spec.periodic)
     dimension = float(spec.dimension)
     image_bit = code_shift(spec.dimension)
@@ -189,6 +218,7 @@ def make_predict(spec: Spec) -> Any:
         mirror_velocity: wp.array(dtype=vec),
         slip: wp.array(dtype=wp.uint8),
         boundary_volume: wp.array(dtype=real),
+        wetness: wp.array(dtype=real),
         correction: wp.array(dtype=mat),
         crowding: wp.array(dtype=vec),
         spread: wp.array(dtype=real),
@@ -213,14 +243,15 @@ def make_predict(spec: Spec) -> Any:
         v_old = velocity_old[i]
         # here, after the list has put the particles in order, their rows stay what they are to the end of the step; NaN
         # fails every comparison
-        limit = real(clock[RUNAWAY])
-        if not (wp.dot(v_now, v_now) < limit * limit and wp.dot(xi, xi) < real(1.0e30)):
+        if not (wp.dot(v_now, v_now) < real(clock[RUNAWAY] * clock[RUNAWAY]) and wp.dot(xi, xi) < real(1.0e30)):
             wp.atomic_min(faults, slot, i)
         vi = v_now + (v_now - v_old) * omega
         wrapped = bool(False)
         if wp.static(periodic):
             wrapped = (int(flags[i]) & WRAPPED) != 0
         moment = mat()
+        beyond = mat()  # what of it and of `even` bodies above the surface have
+        above = vec()
         even = vec()
         pairing = vec()
         among = real(0.0)
@@ -250,12 +281,9 @@ def make_predict(spec: Spec) -> Any:
             if code == 0 or j != i:
                 among -= f * r2  # the own images make no crowd
             if wp.static(spec.shifting):
-                near = shape(q) * per_spacing
-                near = near * near
-                pairing += (near * near) * fd
+                pairing += fourth(shape(q) * per_spacing) * fd
             if wp.static(viscous):
-                vj = velocity[j]
-                vj = vj + (vj - velocity_old[j]) * omega
+                vj = velocity[j] + (velocity[j] - velocity_old[j]) * omega
                 if wp.static(spec.mirror):
                     if code != 0:
                         vj = friction_velocity(vj, code, sides)
@@ -280,11 +308,15 @@ def make_predict(spec: Spec) -> Any:
                 fd = f * d
                 moment -= wp.outer(d, fd)
                 even += fd
-                if wp.static(spec.shifting):
-                    near = shape(q) * per_spacing
-                    near = near * near
-                    pairing += (near * near) * fd
                 among -= f * r2
+                wet = real(1.0)
+                if wp.static(spec.bodies and spec.free_surface):
+                    # above the surface a body mirrors nothing
+                    wet = wetness[j - (particle_count - boundary_volume.shape[0])]
+                    above += (real(1.0) - wet) * fd
+                    beyond -= wp.outer(d, (real(1.0) - wet) * fd)
+                if wp.static(spec.shifting):
+                    pairing += fourth(shape(q) * per_spacing) * wet * fd
                 if wp.static(isotropic):
                     f = friction_slope(q) * wall_volume
                     uneven += f * d
@@ -296,20 +328,17 @@ def make_predict(spec: Spec) -> Any:
                         viscous_sum += f * viscous_term(vi - vj, d, r2 + params.tiny, params.inv_h)
         g_norm = params.g_norm
         m = moment * g_norm
-        spread[i] = wp.trace(m)
-        company[i] = among * g_norm
-        inverse = wp.identity(n=wp.static(spec.dimension), dtype=real)
         known = wp.determinant(m) > real(smallest)
-        if known:
-            inverse = wp.inverse(m)
+        inverse = inverted(m)
         correction[i] = inverse
-        crowding[i] = (even + real(PAIRING) * pairing) * g_norm
-        outward = inverse * even
+        m -= beyond * g_norm
+        spread[i] = wp.trace(m)
+        company[i] = (among - wp.trace(beyond)) * g_norm
+        crowding[i] = (even - above + real(PAIRING) * pairing) * g_norm
+        outward = inverted(m) * (even - above)
         length = wp.length(outward)
-        normal = vec()
-        if length * params.g_norm * params.h > real(1.0e-6):
-            normal = outward * (real(-1.0) / length)
-        surface_normal[i] = normal
+        unit = outward * (real(-1.0) / wp.max(length, real(1.0e-30)))
+        surface_normal[i] = wp.where(length * params.g_norm * params.h > real(1.0e-6), unit, vec())
         a = gravity_of(params, forcing, GRAVITY_NEXT) + body_force_of(params, forcing)
         if wp.static(spec.central_force):
             a -= params.pull * (xi - params.center)
@@ -324,7 +353,7 @@ def make_predict(spec: Spec) -> Any:
                     velocity_gradient[i] = shear
                 if wp.static(not isotropic):
                     uneven = even
-                    width = spread[i] / g_norm
+                    width = wp.trace(moment)
                 linear = shear * uneven
                 if wp.static(spec.viscosity == "radial" or isotropic):
                     linear = linear + wp.transpose(shear) * uneven + wp.trace(shear) * uneven
@@ -334,8 +363,7 @@ def make_predict(spec: Spec) -> Any:
         if wp.static(spec.open_axis >= 0):
             if int(zone[i]) != FLUID:
                 return  # its velocity is given or comes from inside
-        new = v_now * real(weights[0]) - v_old * real(weights[1])
-        velocity_star[i] = new + a * real(weights[2] * clock[STEP])
+        velocity_star[i] = v_now * real(weights[0]) - v_old * real(weights[1]) + a * real(weights[2] * clock[STEP])
 
     return predict
 

@@ -79,6 +79,7 @@ def make_surface(spec: Spec) -> tuple[Any, Any]:
         wall_neighbours: wp.array(dtype=wp.int16),
         flags: wp.array(dtype=wp.uint8),
         position: wp.array(dtype=vec),
+        wetness: wp.array(dtype=real),
         company: wp.array(dtype=real),
         spread: wp.array(dtype=real),
         surface_normal: wp.array(dtype=vec),
@@ -123,6 +124,11 @@ def make_surface(spec: Spec) -> tuple[Any, Any]:
             if wp.static(spec.mirror):
                 code = j >> image_bit
                 j = j & index_mask
+            if wp.static(spec.bodies):
+                wall = j - (particle_count - wetness.shape[0])
+                if wall >= 0:
+                    if wetness[wall] < real(0.5):
+                        continue
             e = -apart(xi, position[j], code, wrapped, params, sides)
             r = wp.length(e)
             if r < far:

@@ -42,6 +42,7 @@ from warpsph.kernels.isph.regularise import make_regularise
 from warpsph.kernels.isph.surface import make_surface
 from warpsph.kernels.isph.surface_friction import make_surface_friction
 from warpsph.kernels.isph.velocity_smoothing import make_smooth_velocity
+from warpsph.kernels.isph.wetness import make_wetness
 from warpsph.schemes.map_stages import exponents, follow_shift, windows
 from warpsph.schemes.open_stages import crossing, fill
 
@@ -242,6 +243,8 @@ def look(spec: Spec) -> list[Stage]:
         stages.append(Stage("look_ahead", ahead, "fluid", "velocity extrapolated to the end of the step, which bodies see"))
         stages.append(Stage("walls_ahead", walls_ahead, "wall", "the same of bodies, and what they do beyond it"))
         stages += continued(spec, "velocity_ahead")
+        if spec.free_surface:
+            stages.append(Stage("wetness", make_wetness(spec), "wall", "what of bodies is above the surface"))
     elif spec.wall_no_slip and spec.walls:
         stages.append(Stage("wall_state", make_wall(spec), "wall", "mirrored velocity of the bodies"))
     stages.append(Stage("predict", make_predict(spec), "fluid", "velocity without pressure; correction of the gradient"))
