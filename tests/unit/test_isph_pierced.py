@@ -16,8 +16,15 @@ LEVEL = {"box": {"lower": [0.4, 0.0], "upper": [0.8, HEIGHT]}}
 HULL = {"polygon": {"points": [[0.3, 1.15], [0.6, 0.35], [0.9, 1.15]]}}
 
 
-def tank(body: dict[str, Any], until: float, wall: str = "free_slip", dimension: int = 2, device: str = "cpu") -> Model:
-    """Return water at rest with a body that stands out of it, 20 spacings a metre, after some time."""
+def tank(
+    body: dict[str, Any],
+    until: float,
+    wall: str = "free_slip",
+    dimension: int = 2,
+    device: str = "cpu",
+    steps: int = 10**6,
+) -> Model:
+    """Return water at rest with a body that stands out of it, 20 spacings a metre, after some time or some steps."""
     sides = {"x": "free_slip", "y": {"lower": "free_slip", "upper": "open"}}
     low, high = [0.0, 0.0], [1.2, 1.2]
     water = [1.2, HEIGHT]
@@ -41,7 +48,7 @@ def tank(body: dict[str, Any], until: float, wall: str = "free_slip", dimension:
     )
     model = Model(case, threads=1, device=device)
     model.stepper.prepare(fresh=True)
-    model.stepper.run(until, 10**6)
+    model.stepper.run(until, steps)
     return model
 
 
@@ -92,3 +99,16 @@ def test_the_surface_beside_a_wall_is_that_of_the_rest() -> None:
     assert np.abs(normal - [0.0, 1.0]).max() < 1e-3
     assert model.particles.get("spread_depth")[:count][row] == pytest.approx(1.0, abs=1e-3)
     assert model.particles.get("pressure")[:count][row] == pytest.approx(1000 * 9.81 * 0.025, rel=1e-3)
+
+
+def test_a_restart_goes_on_bit_by_bit() -> None:
+    """What is wet follows from where the surface of the body was in the last step."""
+    model = tank(CYLINDER, 1.0, steps=7)
+    saved = model.save_state()
+    model.stepper.run(1.0, 20)
+    other = tank(CYLINDER, 1.0, steps=1)
+    other.load_state(saved)
+    other.stepper.run(1.0, 20)
+    for name in ("velocity", "position", "wetness"):
+        assert np.array_equal(model.particles.get(name), other.particles.get(name)), name
+    assert 0.0 < model.particles.get("wetness").mean() < 1.0
