@@ -7,12 +7,13 @@ import warp as wp
 
 from warpsph.kernels.core.pair import list_access, separation_of
 from warpsph.kernels.core.params import make_params
+from warpsph.kernels.core.smoothing import make_smoothing
 from warpsph.kernels.core.spec import Spec, types_of
 
 REACH = 1.5  # spacings, in which fluid before a wall counts
-# Sum of V (1 - r/R)^4 (1 + 4 r/R)/dx^d from which a wall is wet, and up to which it is dry. On lattices it is 0.9 or more
-# before a wet wall, wherever the place is between the rows, and 0.06 half a spacing above a surface; in the largest hole of
-# a shifted arrangement 0.7.
+# Sum of V (1 - r/R)^4 (1 + 4 r/R)/dx^d, Wendland's kernel over its value at 0, up to which a wall is dry, and from which it
+# is wet. On lattices it is 0.9 or more before a wet wall, wherever the place is between the rows, and 0.06 half a spacing
+# above a surface; in the largest hole of a shifted arrangement 0.7.
 DRY, WET = 0.15, 0.65
 DEEP = 2.0  # spacings: the two rows behind a surface that fluid before it sees
 
@@ -29,13 +30,8 @@ def make_wetness(spec: Spec) -> Any:
     Params = make_params(spec.dimension, spec.precision)
     separation = separation_of(spec)
     list_begin, list_step, neighbour, Listed = list_access(spec)
+    shape, _ = make_smoothing("wendland_c2", spec.precision)
     dimension = spec.dimension
-
-    @wp.func
-    def near(way: vec, inv_reach: real):
-        q = wp.length(way) * inv_reach
-        rest = wp.max(real(1.0) - q, real(0.0))
-        return rest * rest * rest * rest * (real(1.0) + real(4.0) * q)
 
     @wp.kernel(module="unique", enable_backward=False)
     def wetness(
@@ -60,7 +56,7 @@ def make_wetness(spec: Spec) -> Any:
         lead = row_of_wall[leader[w]]
         i = lead + fluid_count
         place = position[i] + wall_normal[lead] * (wall_depth[lead] + real(0.5) * params.spacing)
-        inv_reach = real(1.0) / (real(REACH) * params.spacing)
+        per_reach = real(2.0) / (real(REACH) * params.spacing)  # the support of the kernel is 2
         before = real(0.0)
         k = list_begin(i, list_width)
         step = list_step(particle_count)
@@ -68,7 +64,7 @@ def make_wetness(spec: Spec) -> Any:
         while k < end:
             j = neighbour(neighbours, i, k)
             k += step
-            before += near(separation(place, position[j], True, params), inv_reach) * rest_volume[j]
+            before += shape(wp.length(separation(place, position[j], True, params)) * per_reach) * rest_volume[j]
         i = w + fluid_count
         behind = real(0.0)
         k = list_begin(i, list_width)
@@ -81,8 +77,8 @@ def make_wetness(spec: Spec) -> Any:
                 d = separation(position[i], position[j], True, params)
                 deep = -wp.dot(n, d) - wall_gap[j]
                 if deep < real(DEEP) * params.spacing:
-                    behind += near(d - n * wp.dot(n, d), inv_reach) * rest_volume[j]
-        total = wp.max(before, behind)
+                    behind += shape(wp.length(d - n * wp.dot(n, d)) * per_reach) * rest_volume[j]
+        total = wp.max(before, behind) / shape(real(0.0))
         for _ in range(wp.static(dimension)):
             total /= params.spacing
         wetness[w] = wp.clamp((total - real(DRY)) / real(wp.static(WET - DRY)), real(0.0), real(1.0))
