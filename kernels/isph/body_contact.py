@@ -82,6 +82,7 @@ def make_contact(spec: Spec) -> Any:
                 nearest = wp.length(d)
                 n_c = wall_normal[b]
                 to_c = d - wall_depth[b] * n_c
+        pace_i = vec()
         rounding = real(ROUNDING) * params.spacing
         most = real(-1.0e30)
         k = begin
@@ -103,7 +104,7 @@ def make_contact(spec: Spec) -> Any:
                     pace = velocity[j]
                     if wp.static(spec.moving):
                         pace = velocity_at(pace, d, wall_body[b], body_motion, poses)
-                    wall_pace[i] = wp.dot(n, pace)
+                    pace_i = pace
         # The surface turns from one boundary particle to the next: the normal at x_i is a mean of theirs.
         chosen = vec() + beside[i]
         mean = vec()
@@ -118,5 +119,6 @@ def make_contact(spec: Spec) -> Any:
                 mean += n * (shape(wp.length(d) * params.inv_h) / shape(real(0.0)))
         if wp.length(mean) > real(1.0e-6):
             beside[i] = wp.normalize(mean)
+        wall_pace[i] = wp.dot(beside[i], pace_i)
 
     return contact

@@ -78,6 +78,31 @@ def test_the_normal_beside_a_round_wall_is_that_at_the_particle() -> None:
     assert along.max() < 0.002
 
 
+def test_the_speed_of_a_wall_is_that_along_the_normal_at_the_particle() -> None:
+    """A cylinder that moves: with that of one boundary particle it would push its first row about by U dx/(2 R)."""
+    case = {
+        "dimension": 2,
+        "particle_spacing": 1.0 / 16,
+        "end_time": 1.0,
+        "domain": {"lower": [-1.5, -1.5], "upper": [1.5, 1.5], "boundary": {"x": "periodic", "y": "periodic"}},
+        "phases": {"water": {"density": 1.0, "viscosity": 0.005}},
+        "fluids": [{"phase": "water", "shape": "rest"}],
+        "bodies": {
+            "cylinder": {"shape": {"sphere": {"center": [0, 0], "radius": 0.5}}, "motion": {"translation": ["t", 0]}},
+        },
+        "numerics": {"scheme": "isph"},
+        "output": {"particles": "none", "checkpoint": "none"},
+    }
+    model = Model(Case.from_dict(case), threads=1)
+    model.stepper.prepare(fresh=True)
+    model.stepper.run(1.0, 3)
+    count = model.geometry.fluid_count
+    normal, pace = model.particles.get("beside")[:count], model.particles.get("wall_pace")[:count]
+    near = (normal * normal).sum(axis=1) > 0.0
+    assert near.sum() > 100
+    np.testing.assert_allclose(pace[near], normal[near, 0], atol=1e-6)
+
+
 @pytest.mark.parametrize("courant", [0.4, 0.1])
 def test_the_row_at_a_round_wall_turns_with_the_rest(courant: float) -> None:
     """What stops at the wall keeps its turn: without it each stop took a share, 7 % of the row's speed in a turn.
