@@ -16,6 +16,16 @@ LEVEL = {"box": {"lower": [0.4, 0.0], "upper": [0.8, HEIGHT]}}
 HULL = {"polygon": {"points": [[0.3, 1.15], [0.6, 0.35], [0.9, 1.15]]}}
 
 
+OTHERS = {  # of the table in docs/records/bodies_isph.md#pierced
+    "block": BLOCK,
+    "off": {"box": {"lower": [0.413, 0.427], "upper": [0.79, 1.1]}},
+    "cylinder": CYLINDER,
+    "hull": HULL,
+    "beach": {"polygon": {"points": [[0.5, 0], [1.2, 0], [1.2, 1.1], [1.1, 1.1]]}},
+    "plate": {"box": {"lower": [0.55, 0.3], "upper": [0.65, 1.1]}},
+}
+
+
 def tank(
     body: dict[str, Any],
     until: float,
@@ -23,8 +33,13 @@ def tank(
     dimension: int = 2,
     device: str = "cpu",
     steps: int = 10**6,
+    per_metre: int = 0,
+    viscosity: float = 0.001,
 ) -> Model:
-    """Return water at rest with a body that stands out of it, 20 spacings a metre, after some time or some steps."""
+    """Return water at rest with a body that stands out of it, after some time or some steps.
+
+    per_metre: spacings of a metre; 0: 20 in 2-D, 10 in 3-D.
+    """
     sides = {"x": "free_slip", "y": {"lower": "free_slip", "upper": "open"}}
     low, high = [0.0, 0.0], [1.2, 1.2]
     water = [1.2, HEIGHT]
@@ -34,11 +49,11 @@ def tank(
     case = Case.from_dict(
         {
             "dimension": dimension,
-            "particle_spacing": 0.05 if dimension == 2 else 0.1,
+            "particle_spacing": 1.0 / (per_metre or (20 if dimension == 2 else 10)),
             "end_time": until,
             "domain": {"lower": low, "upper": high, "boundary": sides},
             "gravity": [*([0.0] * (dimension - 1)), -9.81],
-            "phases": {"water": {"density": 1000, "viscosity": 0.001}},
+            "phases": {"water": {"density": 1000, "viscosity": viscosity}},
             "fluids": [{"phase": "water", "shape": {"box": {"lower": low, "upper": water}}}],
             "bodies": {"body": {"shape": body, "wall": wall}},
             "start": {"pressure": "hydrostatic"},
@@ -60,6 +75,12 @@ def speeds(model: Model) -> np.ndarray:
 def test_water_at_rest_beside_a_block_that_is_level_with_it_stays_at_rest() -> None:
     """Its edge has a leader that looks up, where no fluid is."""
     assert speeds(tank(LEVEL, 0.5)).max() < 1e-5
+
+
+def show(name: str, per_metre: int) -> None:
+    """Print rms and largest speed after 3 s without friction, the figures of docs/records/bodies_isph.md#pierced."""
+    found = speeds(tank(OTHERS[name], 3.0, per_metre=per_metre, viscosity=0.0))
+    print(f"{name} {per_metre}: {np.sqrt((found**2).mean()):.2g}, {found.max():.2g}")
 
 
 @pytest.mark.parametrize("wall", ["free_slip", "no_slip"])
