@@ -40,7 +40,7 @@ class Spec:
         tails: some bodies have thin tails, whose two sides do not see each other, see `visibility`.
         wall_sound: beside such walls, sound would grow without the measures of `wall_fit`.
         wall_no_slip: some wall exerts viscous friction (then `viscosity` is not "none").
-        viscosity: "none", "morris", "radial", "isotropic" (isph) or "paper".
+        viscosity: "none", "morris", "radial", "isotropic" or "paper".
         viscous_stages: stages of friction in a step, 1 where it is explicit (riemann).
         unlike_viscosity: phases differ in viscosity, so that friction between them asks for depths (riemann).
         tension: "none", "pressure_jump" or "body_force".

@@ -13,7 +13,7 @@ from warpsph.kernels.core.params import make_params, make_phase
 from warpsph.kernels.core.smoothing import make_smoothing
 from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, types_of
 from warpsph.kernels.core.time_signals import make_forcing
-from warpsph.kernels.core.viscosity import make_viscosity
+from warpsph.kernels.core.viscosity import make_friction_slope, make_viscosity
 
 from .delta_momentum import make_driving_force
 
@@ -32,6 +32,7 @@ def make_budget_forces(spec: Spec) -> Any:
     viscous = spec.viscosity != "none"
     viscous_term = make_viscosity(spec.viscosity if viscous else "radial", spec.dimension, spec.precision)
     artificial_term = make_viscosity("radial", spec.dimension, spec.precision)
+    friction_slope = make_friction_slope(spec.viscosity, spec.kernel, spec.dimension, spec.precision)
 
     @wp.kernel(module="unique", enable_backward=False, module_options=SWEEP_OPTIONS)
     def budget_forces(
@@ -89,12 +90,13 @@ def make_budget_forces(spec: Spec) -> Any:
             d = separation(xi, position[j], wrapped, params)
             r2 = wp.dot(d, d)
             state_j = state[j]
-            f = slope(wp.sqrt(r2) * params.inv_h) * state_j[1]
+            q = wp.sqrt(r2) * params.inv_h
+            f, rub = slope(q) * state_j[1], own.viscosity * (friction_slope(q) * state_j[1])
             pressures += (state_j[0] * f) * d
             even += f * d
             dv = vi - velocity[j]
             if wp.static(viscous):
-                viscosity += (own.viscosity * f) * viscous_term(dv, d, r2 + params.tiny, params.inv_h)
+                viscosity += rub * viscous_term(dv, d, r2 + params.tiny, params.inv_h)
             if wp.static(spec.artificial_viscosity):
                 artificial += (artificial_viscosity * f) * artificial_term(dv, d, r2 + params.tiny, params.inv_h)
         if wp.static(spec.walls):
@@ -105,7 +107,8 @@ def make_budget_forces(spec: Spec) -> Any:
                 d = separation(xi, position[j], wrapped, params)
                 r2 = wp.dot(d, d)
                 state_j = state[j]
-                f = slope(wp.sqrt(r2) * params.inv_h) * state_j[1]
+                q = wp.sqrt(r2) * params.inv_h
+                f, rub = slope(q) * state_j[1], own.viscosity * (friction_slope(q) * state_j[1])
                 at_walls += (state_j[0] * f) * d
                 into_wall += f * d
                 if wp.static(viscous and (spec.bodies or spec.wall_no_slip)):
@@ -114,7 +117,7 @@ def make_budget_forces(spec: Spec) -> Any:
                         rubs = slip[j - fluid_count] == wp.uint8(0)
                     if rubs:
                         slide = vi - mirror_velocity[j - fluid_count]
-                        friction += (own.viscosity * f) * viscous_term(slide, d, r2 + params.tiny, params.inv_h)
+                        friction += rub * viscous_term(slide, d, r2 + params.tiny, params.inv_h)
         sign = real(1.0)
         if wp.static(spec.tension_control):
             sign = real(pressure_sign[i])

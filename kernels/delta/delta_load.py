@@ -19,7 +19,7 @@ from warpsph.kernels.core.poses import make_pose, make_velocity_at
 from warpsph.kernels.core.smoothing import make_smoothing
 from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, types_of
 from warpsph.kernels.core.torques import make_couple
-from warpsph.kernels.core.viscosity import make_viscosity
+from warpsph.kernels.core.viscosity import make_friction_slope, make_viscosity
 
 
 @functools.cache
@@ -37,6 +37,7 @@ def make_delta_load(spec: Spec) -> Any:
     viscous = spec.viscosity != "none"
     turns = spec.moving and spec.wall_no_slip and spec.viscosity == "morris"
     viscous_term = make_viscosity(spec.viscosity if viscous else "radial", spec.dimension, spec.precision)
+    friction_slope = make_friction_slope(spec.viscosity, spec.kernel, spec.dimension, spec.precision)
 
     @wp.kernel(module="unique", enable_backward=False, module_options=SWEEP_OPTIONS)
     def delta_load(
@@ -88,7 +89,9 @@ def make_delta_load(spec: Spec) -> Any:
             d = separation(position[j], xi, True, params)  # from the wall particle to the fluid particle
             r2 = wp.dot(d, d)
             p_j = state[j][0]
-            f = slope(wp.sqrt(r2) * params.inv_h) * state[j][1] * state[i][1] * params.g_norm
+            q = wp.sqrt(r2) * params.inv_h
+            f = slope(q) * state[j][1] * state[i][1] * params.g_norm
+            rub = phases[0].viscosity * (friction_slope(q) * state[j][1] * state[i][1] * params.g_norm)
             if wp.static(spec.tension_control):
                 p_j = p_j * real(pressure_sign[j])
             push = ((p_w + p_j) * f) * d
@@ -99,13 +102,13 @@ def make_delta_load(spec: Spec) -> Any:
                     rubs = slip[w] == wp.uint8(0)
                 if rubs:
                     slide = velocity[j] - mirror_velocity[w]
-                    drag = (phases[0].viscosity * f) * viscous_term(slide, d, r2 + params.tiny, params.inv_h)
+                    drag = rub * viscous_term(slide, d, r2 + params.tiny, params.inv_h)
                     push -= drag
                     rubbed -= drag
                     if wp.static(turns):
                         if slip[w] == wp.uint8(0):
                             spin = velocity_at(vec(), d, wall_body[w], body_motion, poses)
-                            spun = (phases[0].viscosity * f) * viscous_term(spin, d, r2 + params.tiny, params.inv_h)
+                            spun = rub * viscous_term(spin, d, r2 + params.tiny, params.inv_h)
                             twisted += spun
             force += push
             if wp.static(spec.bodies):

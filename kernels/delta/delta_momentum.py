@@ -25,7 +25,7 @@ from warpsph.kernels.core.planes import make_planes
 from warpsph.kernels.core.smoothing import make_smoothing
 from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, types_of
 from warpsph.kernels.core.time_signals import GRAVITY_NEXT, make_forcing
-from warpsph.kernels.core.viscosity import make_viscosity
+from warpsph.kernels.core.viscosity import make_friction_slope, make_viscosity
 
 from .delta_contact import make_contact_of
 from .fluid_pairs import make_crowding, make_force_sums
@@ -44,6 +44,7 @@ def make_delta_momentum(spec: Spec, measuring: bool = True) -> Any:
     driving_force, least_eigenvalue = make_driving_force(spec), make_least_eigenvalue(spec.dimension, spec.precision)
     viscous = spec.viscosity != "none"
     viscous_term = make_viscosity(spec.viscosity if viscous else "radial", spec.dimension, spec.precision)
+    friction_slope = make_friction_slope(spec.viscosity, spec.kernel, spec.dimension, spec.precision)
     limit_shift, crowding = make_limit_shift(spec), make_crowding(spec.precision)
     braked, held, ahead = make_contact_of(spec)
     no_planes, noted = make_planes(spec.dimension, spec.precision)
@@ -164,7 +165,8 @@ def make_delta_momentum(spec: Spec, measuring: bool = True) -> Any:
                         rubs = slip[j - fluid_count] == wp.uint8(0)
                     if rubs:
                         slide = vi - mirror_velocity[j - fluid_count]
-                        friction += (own.viscosity * f) * viscous_term(slide, d, r2 + params.tiny, params.inv_h)
+                        rub = own.viscosity * (friction_slope(q) * state_j[1])
+                        friction += rub * viscous_term(slide, d, r2 + params.tiny, params.inv_h)
         g_norm = params.g_norm
         sign = real(1.0)
         if wp.static(spec.tension_control):

@@ -13,7 +13,7 @@ from warpsph.kernels.core.pair import list_access, make_at, make_part, way_of
 from warpsph.kernels.core.params import make_params
 from warpsph.kernels.core.smoothing import KERNELS, make_smoothing
 from warpsph.kernels.core.spec import Spec, types, types_of
-from warpsph.kernels.core.viscosity import make_viscous_parts
+from warpsph.kernels.core.viscosity import make_friction_slope, make_viscous_parts
 
 CROWDING = 0.2  # R of the shift, which keeps particles from pairing; its exponent is 4 (theory: delta#d3)
 
@@ -158,6 +158,7 @@ def make_force_sums(spec: Spec, measuring: bool) -> tuple[Any, Any]:
     (with_velocity, with_way), (_, artificial_way) = (
         make_viscous_parts(form, spec.dimension, spec.precision) for form in forms
     )
+    friction_slope = make_friction_slope(spec.viscosity, spec.kernel, spec.dimension, spec.precision)
     crowding = make_crowding(spec.precision)
     diffuses, shifts = spec.density_diffusion and measuring, spec.shifting and measuring
     measured = diffuses or (spec.free_surface and measuring)  # the moment is needed
@@ -209,10 +210,11 @@ def make_force_sums(spec: Spec, measuring: bool) -> tuple[Any, Any]:
                 if wp.static(viscous or spec.artificial_viscosity):
                     closing += (vi[axis] - part(velocity, j, axis)) * d[axis]
             q = wp.sqrt(r2) * params.inv_h
-            p_j, f = part_of_pair(state, j, 0), slope(q) * part_of_pair(state, j, 1)
+            p_j, volume = part_of_pair(state, j, 0), part_of_pair(state, j, 1)
+            f, rub = slope(q) * volume, viscosity * (friction_slope(q) * volume)
             drag, crowd, rise = real(0.0), real(0.0), real(0.0)
             if wp.static(viscous):
-                drag += viscosity * f * with_way(closing, r2 + params.tiny, params.inv_h)
+                drag += rub * with_way(closing, r2 + params.tiny, params.inv_h)
             if wp.static(spec.artificial_viscosity):
                 drag += artificial_viscosity * f * artificial_way(closing, r2 + params.tiny, params.inv_h)
             if wp.static(shifts):
@@ -231,7 +233,7 @@ def make_force_sums(spec: Spec, measuring: bool) -> tuple[Any, Any]:
                 if wp.static(diffuses):
                     slope_sum[axis] += (p_j - p_i) * fd_axis
                 if wp.static(viscous and with_velocity != 0.0):
-                    friction_sum[axis] += viscosity * f * real(with_velocity) * (vi[axis] - part(velocity, j, axis))
+                    friction_sum[axis] += rub * real(with_velocity) * (vi[axis] - part(velocity, j, axis))
                 if wp.static(viscous or spec.artificial_viscosity):
                     friction_sum[axis] += drag * d[axis]
                 if wp.static(shifts):

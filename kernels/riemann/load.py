@@ -18,7 +18,7 @@ from warpsph.kernels.core.smoothing import make_smoothing
 from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, types_of
 from warpsph.kernels.core.time_signals import GRAVITY_NOW, make_forcing
 from warpsph.kernels.core.torques import make_couple
-from warpsph.kernels.core.viscosity import make_viscosity
+from warpsph.kernels.core.viscosity import make_friction_slope, make_viscosity
 
 
 @functools.cache
@@ -37,6 +37,7 @@ def make_load(spec: Spec) -> Any:
     form = spec.viscosity if spec.viscosity != "none" else "morris"
     turns = spec.moving and spec.wall_no_slip and form == "morris"
     viscous_term = make_viscosity(form, spec.dimension, spec.precision)
+    friction_slope = make_friction_slope(form, spec.kernel, spec.dimension, spec.precision)
 
     @wp.kernel(module="unique", enable_backward=False, module_options=SWEEP_OPTIONS)
     def wall_load(
@@ -99,20 +100,20 @@ def make_load(spec: Spec) -> Any:
                 if wp.static(spec.gravity):
                     g = gravity_of(params, forcing, GRAVITY_NOW)
                     p_w -= phases[own].density * rest_volume[j] / state_j[1] * wp.dot(g, d)
-            f = slope(wp.sqrt(r2) * params.inv_h) * state_j[1] * wall_volume * params.g_norm
+            q = wp.sqrt(r2) * params.inv_h
+            f = slope(q) * state_j[1] * wall_volume * params.g_norm
+            rub = phases[own].viscosity * (friction_slope(q) * state_j[1] * wall_volume * params.g_norm)
             push = ((state_j[0] + p_w + wall_impact[j]) * f) * d
             spun = vec()
             if wp.static(spec.wall_no_slip):
                 if slip[w] == wp.uint8(0):
-                    drag = (phases[own].viscosity * f) * viscous_term(
-                        velocity[j] - mirror_velocity[w], d, r2 + params.tiny, params.inv_h
-                    )
+                    drag = rub * viscous_term(velocity[j] - mirror_velocity[w], d, r2 + params.tiny, params.inv_h)
                     push -= drag
                     if wp.static(spec.bodies):
                         rubbed -= drag
                     if wp.static(turns):
                         spin = velocity_at(vec(), d, wall_body[w], body_motion, poses)
-                        spun = (phases[own].viscosity * f) * viscous_term(spin, d, r2 + params.tiny, params.inv_h)
+                        spun = rub * viscous_term(spin, d, r2 + params.tiny, params.inv_h)
                         twisted += spun
             force += push
             if wp.static(spec.bodies):

@@ -38,7 +38,13 @@ from warpsph.kernels.core.planes import make_planes
 from warpsph.kernels.core.smoothing import make_smoothing
 from warpsph.kernels.core.spec import Spec, curvature_type, pair_sweep, types_of
 from warpsph.kernels.core.time_signals import GRAVITY_NEXT, make_forcing
-from warpsph.kernels.core.viscosity import make_interface_stress, make_series_mean, make_viscosity, make_viscous_parts
+from warpsph.kernels.core.viscosity import (
+    make_friction_slope,
+    make_interface_stress,
+    make_series_mean,
+    make_viscosity,
+    make_viscous_parts,
+)
 
 from .disorder import UNKNOWN, make_disorder_due, make_disorder_speed, make_own_gradient
 from .interface_flow import make_density_between
@@ -77,6 +83,7 @@ def make_momentum(spec: Spec) -> Any:
     viscous = spec.viscosity != "none"
     viscous_term = make_viscosity(spec.viscosity if viscous else "morris", spec.dimension, spec.precision)
     share, with_way = make_viscous_parts(spec.viscosity if viscous else "morris", spec.dimension, spec.precision)
+    friction_slope = make_friction_slope(spec.viscosity, spec.kernel, spec.dimension, spec.precision)
     with_velocity = real(share)
     gravity_of, body_force_of = make_forcing(spec)
     periodic = any(spec.periodic)
@@ -284,7 +291,8 @@ def make_momentum(spec: Spec) -> Any:
                         if wp.static(spec.interface_force):
                             repulsion += (wp.abs(p_i) + wp.abs(state_j[0])) * fd
                     if wp.static(viscous):
-                        viscous_sum += (mu * f) * viscous_term(vi - at_vec(velocity, j), d, r2 + params.tiny, params.inv_h)
+                        rub = mu * (friction_slope(wp.sqrt(r2) * params.inv_h) * state_j[1])
+                        viscous_sum += rub * viscous_term(vi - at_vec(velocity, j), d, r2 + params.tiny, params.inv_h)
         # sums of their own: what leaves the loop as a vector is one in it, see `make_part`
         p_own, p_pair, e_own, e_all, drag_sum, m_sum, f_sum = vec(), vec(), vec(), vec(), vec(), mat(), mat()
         while k < end:
@@ -297,8 +305,9 @@ def make_momentum(spec: Spec) -> Any:
                 if wp.static(viscous):
                     closing += (vi[axis] - part(velocity, j, axis)) * d[axis]
             p_j, volume = part_of_pair(state, j, 0), part_of_pair(state, j, 1)
-            f = slope(wp.sqrt(r2) * params.inv_h) * volume
-            drag = (own.viscosity * f) * with_way(closing, r2 + params.tiny, params.inv_h)
+            q = wp.sqrt(r2) * params.inv_h
+            f, rub = slope(q) * volume, own.viscosity * (friction_slope(q) * volume)
+            drag = rub * with_way(closing, r2 + params.tiny, params.inv_h)
             for axis in range(wp.static(spec.dimension)):
                 fd_axis = f * d[axis]
                 if wp.static(spec.corrected or spec.shifting):
@@ -310,7 +319,7 @@ def make_momentum(spec: Spec) -> Any:
                 if wp.static(spec.shifting):
                     e_all[axis] += fd_axis
                 if wp.static(viscous):
-                    drag_sum[axis] += own.viscosity * f * with_velocity * (vi[axis] - part(velocity, j, axis))
+                    drag_sum[axis] += rub * with_velocity * (vi[axis] - part(velocity, j, axis))
                     drag_sum[axis] += drag * d[axis]
                 for row in range(wp.static(spec.dimension)):
                     if wp.static(spec.corrected):
@@ -338,7 +347,8 @@ def make_momentum(spec: Spec) -> Any:
                 wall_volume = params.wall_volume
                 if wp.static(spec.bodies):
                     wall_volume = at_pair(state, j)[1]
-                f = slope(wp.sqrt(r2) * params.inv_h) * wall_volume
+                q = wp.sqrt(r2) * params.inv_h
+                f, rub = slope(q) * wall_volume, own.viscosity * (friction_slope(q) * wall_volume)
                 fd = f * d
                 into_wall += fd
                 if wp.static(spec.disorder and spec.wall_no_slip):
@@ -414,13 +424,13 @@ def make_momentum(spec: Spec) -> Any:
                     wall_flow += wp.outer(mirror - vi, fd)
                 if wp.static(spec.bodies and viscous):
                     # without friction the velocity mirrored is one that makes no shear stress at the surface
-                    viscous_sum += (own.viscosity * f) * viscous_term(vi - mirror, d, r2 + params.tiny, params.inv_h)
+                    viscous_sum += rub * viscous_term(vi - mirror, d, r2 + params.tiny, params.inv_h)
                 if wp.static(spec.wall_no_slip and not spec.bodies):
                     if slip[j - fluid_count] == wp.uint8(0):
                         mirror = mirror_velocity[j - fluid_count]
                         if wp.static(spec.shifting):
                             wall_flow += wp.outer(mirror - vi, fd)
-                        viscous_sum += (own.viscosity * f) * viscous_term(vi - mirror, d, r2 + params.tiny, params.inv_h)
+                        viscous_sum += rub * viscous_term(vi - mirror, d, r2 + params.tiny, params.inv_h)
 
         wall_push = real(0.0)
         if wp.static(spec.walls):

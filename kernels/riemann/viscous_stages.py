@@ -18,9 +18,8 @@ import warp as wp
 from warpsph.kernels.core.clock import COURANT, MAXIMA, SOUND, STEP_CAP
 from warpsph.kernels.core.pair import NEAR, WRAPPED, list_access, separation_of
 from warpsph.kernels.core.params import make_params, make_phase
-from warpsph.kernels.core.smoothing import make_smoothing
 from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, types_of
-from warpsph.kernels.core.viscosity import make_series_mean, make_viscosity
+from warpsph.kernels.core.viscosity import make_friction_slope, make_series_mean, make_viscosity
 
 
 @functools.cache
@@ -32,10 +31,10 @@ def make_viscous_stage(spec: Spec, closing: bool) -> Any:
     real, vec, _, pair = types_of(spec)
     Params = make_params(spec.dimension, spec.precision)
     Phase = make_phase(spec.precision)
-    _, slope = make_smoothing(spec.kernel, spec.precision)
     separation = separation_of(spec)
     list_begin, list_step, neighbour, Listed = list_access(spec)
     viscous_term = make_viscosity(spec.viscosity, spec.dimension, spec.precision)
+    slope = make_friction_slope(spec.viscosity, spec.kernel, spec.dimension, spec.precision)
     series_mean = make_series_mean(spec.precision)
     periodic = any(spec.periodic)
 

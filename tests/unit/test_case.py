@@ -244,8 +244,8 @@ def test_dictionary_gives_the_same_case(full: Case):
     ("numerics", "boundary", "expected"),
     [
         ({}, "wall", ("corrected", "weighted", "morris", 16.0, True, 0.0)),
-        ({}, "open", ("conservative", "weighted", "radial", 0.0, False, 0.0)),
-        ({"pressure_gradient": "corrected"}, "open", ("corrected", "weighted", "radial", 16.0, False, 0.0)),
+        ({}, "open", ("conservative", "weighted", "isotropic", 0.0, False, 0.0)),
+        ({"pressure_gradient": "corrected"}, "open", ("corrected", "weighted", "isotropic", 16.0, False, 0.0)),
         (
             {"pressure_gradient": "conservative"},
             "wall",

@@ -141,7 +141,7 @@ def test_formulation_follows_from_the_scene():
     around = "where(abs(x) > abs(y), abs(x), abs(y)) > 0.5 and y < 0.8"
     half = droplet(**{"fluids.1.shape": {"where": {"condition": around}}})
     assert not physics_of(half).spec.corrected and physics_of(half).spec.free_surface
-    assert physics_of(half).spec.viscosity == "radial"
+    assert physics_of(half).spec.viscosity == "isotropic"
     paper = physics_of(droplet(**{"numerics.formulation": "paper"}))
     assert not paper.spec.corrected and paper.spec.tension == "body_force" and paper.spec.paper_star
     assert paper.choices["interface_force"] == 0.08 and paper.choices["smoothing_ratio"] == 1.25

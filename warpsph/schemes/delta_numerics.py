@@ -23,9 +23,10 @@ class DeltaNumerics(NumericsBase):
         description="conservative: plus form, conserves momentum, but see tension_control",
         examples=["auto"],
     )
-    viscosity_form: Annotated[Literal["auto", "morris", "radial"], ChoiceRule()] = Field(
+    viscosity_form: Annotated[Literal["auto", "morris", "radial", "isotropic"], ChoiceRule()] = Field(
         default="auto",
-        description="viscous term. auto: morris, radial with a free surface (paper: radial)",
+        description="viscous term; isotropic is radial with weights that do not feel the direction of rows. auto: morris, "
+        "isotropic with a free surface (paper: radial)",
         examples=["auto"],
     )
     smoothing_ratio: Annotated[float | Auto, NumberRule(least=0.8, most=4, auto=True)] = Field(

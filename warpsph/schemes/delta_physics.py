@@ -48,9 +48,8 @@ def derive(case: Case, geometry: Geometry, row_list: bool) -> Physics:
         return choices[key]
 
     choose("pressure_gradient", "conservative", "of the scheme")
-    radial = paper or not filled
     reason = "printed form" if paper else "isotropic" if filled else "right damping at a free surface"
-    form = choose("viscosity_form", "radial" if radial else "morris", reason)
+    form = choose("viscosity_form", "radial" if paper else "morris" if filled else "isotropic", reason)
     choose("smoothing_ratio", smoothing_ratio(case), "of the scheme")
     shifting = choose(
         "shifting",

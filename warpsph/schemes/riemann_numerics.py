@@ -24,9 +24,10 @@ class RiemannNumerics(NumericsBase):
         "momentum. auto: corrected in closed or periodic domains, else conservative (paper: conservative)",
         examples=["auto"],
     )
-    viscosity_form: Annotated[Literal["auto", "morris", "radial", "paper"], ChoiceRule()] = Field(
+    viscosity_form: Annotated[Literal["auto", "morris", "radial", "isotropic", "paper"], ChoiceRule()] = Field(
         default="auto",
-        description="viscous term. auto: morris, radial with a free surface (paper: paper)",
+        description="viscous term; isotropic is radial with weights that do not feel the direction of rows. auto: morris, "
+        "isotropic with a free surface (paper: paper)",
         examples=["auto"],
     )
     viscous_stages: Annotated[int | Auto, NumberRule(least=1, most=50, integer=True, auto=True)] = Field(

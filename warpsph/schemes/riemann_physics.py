@@ -112,12 +112,12 @@ def derive(case: Case, geometry: Geometry, row_list: bool = True) -> Physics:
     star = choose("star_states", "arithmetic" if paper else "weighted", "printed form" if paper else "density weights")
     form = choose(
         "viscosity_form",
-        "paper" if paper else "morris" if filled else "radial",
+        "paper" if paper else "morris" if filled else "isotropic",
         "printed form"
         if paper
         else "isotropic at any smoothing ratio"
         if filled
-        else "right damping at a free surface",
+        else "right damping at a free surface, along rows as across them",
     )
     tension_form = choose(
         "tension_form", "body_force" if paper else "pressure_jump", "printed form" if paper else "well balanced"
