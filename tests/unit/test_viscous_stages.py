@@ -126,7 +126,8 @@ def test_as_many_stages_as_are_fastest():
 
 
 @pytest.mark.parametrize(
-    ("form", "dimension", "stages"), [("radial", 2, 3), ("radial", 2, 6), ("morris", 2, 4), ("radial", 3, 5)]
+    ("form", "dimension", "stages"),
+    [("radial", 2, 3), ("radial", 2, 6), ("morris", 2, 4), ("radial", 3, 5), ("isotropic", 2, 4)],
 )
 def test_stages_are_the_polynomial_of_the_friction_of_the_sweep(form, dimension, stages, device):
     made, mass = bench(spec_of(dimension, stages, form), dimension, device=device)

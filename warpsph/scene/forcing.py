@@ -50,11 +50,14 @@ class Track:
 
         return np.asarray(Rotation.from_rotvec(float(self.rotation.at(time)) * self.axis).as_matrix())
 
-    def largest(self, end_time: float, order: int, reach: float) -> float:
-        """Bound on the speed (order RATE) or acceleration (ACCELERATION) of a point `reach` m from the pivot, SI units."""
+    def largest(self, end_time: float, order: int, reach: float, begin: float = 0.0) -> float:
+        """Bound on the speed (order RATE) or acceleration (ACCELERATION) of a point `reach` m from the pivot, SI units.
+
+        begin, end_time: between these times, s.
+        """
 
         def most(part: Pieces, derivative: int) -> float:
-            return max(map(abs, part.extremes(end_time, derivative)))
+            return max(map(abs, part.extremes(end_time, derivative, begin)))
 
         straight = float(np.linalg.norm([most(part, order) for part in self.translation]))
         if order == RATE:
@@ -114,12 +117,12 @@ class Forcing:
         """Largest speed of a side, m/s."""
         return max(float(np.linalg.norm(self.largest(side))) for side in self.sides)
 
-    def body_bound(self, order: int, reach: dict[str, float]) -> float:
-        """Bound on the speed (order RATE) or acceleration (ACCELERATION) of the bodies that move, SI units; 0 without any.
+    def body_speed(self, reach: dict[str, float]) -> float:
+        """Bound on the speed of the bodies that move, m/s; 0 without any.
 
         reach: distance of the farthest point of each body from its pivot, m.
         """
-        return max((track.largest(self.end_time, order, reach[track.name]) for track in self.tracks), default=0.0)
+        return max((track.largest(self.end_time, RATE, reach[track.name]) for track in self.tracks), default=0.0)
 
     def arrays(self) -> tuple[NDArray[np.int32], NDArray[np.float64], NDArray[np.float64]]:
         """All signals as a device reads them, in the order of `kernels/core/time_signals.py`; see `signal_tables.joined`."""

@@ -12,9 +12,9 @@ from warpsph.errors import CaseError, Problem
 from warpsph.kernels.core.smoothing import KERNELS
 from warpsph.kernels.core.spec import Spec
 from warpsph.scene.feasibility import checked
+from warpsph.scene.first_contact import pushing
 from warpsph.scene.forcing import Forcing, forcing_of
 from warpsph.scene.open_faces import given_scales
-from warpsph.scene.signal_tables import ACCELERATION, RATE
 
 if TYPE_CHECKING:
     from warpsph.case.case import Case
@@ -226,8 +226,7 @@ def flow_scales(
     wall_speed = float(np.sqrt((geometry.boundary_velocity**2).sum(axis=1)).max(initial=0.0))
     wall_speed = max(wall_speed, forcing.side_speed())  # of mirrors too, which are no particles
     reach = body_reach(forcing, geometry)
-    wall_speed = max(wall_speed, forcing.body_bound(RATE, reach))
-    seen += float(density.max()) * forcing.body_bound(ACCELERATION, reach) * float(extent.max())
+    wall_speed = max(wall_speed, forcing.body_speed(reach))
     length = float(extent.min())
     driven = 0.0
     drive = float(np.linalg.norm(forcing.largest(forcing.body_force)))
@@ -241,6 +240,9 @@ def flow_scales(
     if case.central_force is not None and not filled:
         far = float(np.linalg.norm(position - np.asarray(case.central_force.center), axis=1).max(initial=0.0))
         pulled = case.central_force.rate * far
+    flow = max(speed, wall_speed, falling, pulled)
+    pushed = pushing(case, geometry, forcing, reach, flow)
+    seen += float(density.max()) * pushed * float(extent.max())
     if case.has_flow_through:
         given, pressure, passing = given_scales(case, geometry)
         speed, driven = max(speed, given), max(driven, passing)

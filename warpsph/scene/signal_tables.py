@@ -75,11 +75,11 @@ class Pieces:
             total = total * since + self.terms[piece, k] * (math.perm(k, order) if order >= 0 else 1.0 / (k + 1))
         return np.asarray(total if order >= 0 else self.before[piece] + total * since)
 
-    def extremes(self, end: float, order: int = VALUE) -> tuple[float, float]:
-        """Least and largest value, or derivative of the order, from 0 to `end` [s], looked for at 8 points a piece."""
+    def extremes(self, end: float, order: int = VALUE, begin: float = 0.0) -> tuple[float, float]:
+        """Least and largest value, or derivative of the order, from `begin` to `end` [s], looked for at 8 points a piece."""
         until = np.append(self.begin[1:], max(float(self.begin[-1]), end))
         points = (self.begin[:, None] + np.linspace(0.0, 1.0, 8, endpoint=False) * (until - self.begin)[:, None]).ravel()
-        found = self.at(np.concatenate([points[(points >= 0.0) & (points <= end)], [0.0, end]]), order)
+        found = self.at(np.concatenate([points[(points >= begin) & (points <= end)], [begin, end]]), order)
         return float(found.min()), float(found.max())
 
 
