@@ -1,13 +1,17 @@
 """Random dam breaks against obstacles on the floor: does water get into them, and does the run live?
 
-    python scripts/obstacles.py [--count 20] [--first 1] [--schemes riemann isph delta_plus] [--processes N] [--json FILE]
+    python scripts/obstacles.py [--count 20] [--first 1] [--schemes riemann isph delta_plus] [--dimension 3] [--processes N]
+                                [--json FILE]
 
 A column of water of random size (a tank 5 cm to 3 m long, 55 to 90 spacings, which do not divide it) runs against one of
 eight obstacles of random size: boxes on each other and beside each other, trapezoid, triangle, disc sunk into the floor,
-hill given by a condition, step that ends on the wall, arch. Walls with and without friction, 6 sqrt(L/g).
+hill given by a condition, step that ends on the wall, arch. Walls with and without friction, 6 sqrt(L/g). In 3-D, 26 to 40
+spacings and a third as wide, of six: boxes on each other and beside each other, pillar, step, ball sunk into the floor,
+bridge.
 
 Judged, 60 times a run: whether it diverged; how many particles were ever deeper than half a spacing in an obstacle, or
-as far below the floor; the range of the densities. Exit code 1 if a run diverged or let more than 1 % of its particles in.
+as far below the floor; the range of the densities; the largest kinetic and potential energy over those of the start. Exit code 1 if a run
+diverged or let more than 1 % of its particles in.
 """
 
 from __future__ import annotations
@@ -27,6 +31,7 @@ from warpsph.case.case_file import load_case
 from warpsph.study.provenance import provenance
 
 KINDS = ("stack", "pair", "trapezoid", "triangle", "disc", "hill", "step", "arch")
+KINDS_IN_SPACE = ("stack", "pair", "pillar", "step", "ball", "bridge")
 GRAVITY = 9.81
 SAMPLES = 60
 SCHEMES = ("riemann", "isph", "delta_plus")
@@ -64,8 +69,32 @@ def shapes_of(kind: str, length: float, draw: random.Random) -> list[dict[str, A
     return [polygon((x, 0), *legs, (x + w, 0), (x + w, h), (x, h))]
 
 
-def scene(seed: int, scheme: str) -> Case:
+def block(lower: tuple[float, ...], upper: tuple[float, ...]) -> dict[str, Any]:
+    """Return the shape of a box in space."""
+    return {"box": {"lower": list(lower), "upper": list(upper)}}
+
+
+def shapes_in_space(kind: str, length: float, width: float, draw: random.Random) -> list[dict[str, Any]]:
+    """Return the shapes of an obstacle in a tank of a length and a width [m]."""
+    x, w, h = (length * draw.uniform(*span) for span in ((0.5, 0.6), (0.12, 0.25), (0.1, 0.25)))
+    y0, y1 = (width * draw.uniform(*span) for span in ((0.0, 0.4), (0.6, 1.0)))
+    if kind == "stack":
+        return [block((x, y0, 0), (x + w, y1, h / 2)), block((x + w / 4, y0, h / 2), (x + 3 * w / 4, y1, h))]
+    if kind == "pair":
+        return [block((x, y0, 0), (x + w / 2, y1, h / 2)), block((x + w / 2, y0, 0), (x + w, y1, h))]
+    if kind == "pillar":
+        return [block((x, y0, 0), (x + w, y1, 0.6 * length))]
+    if kind == "step":
+        return [block((x, 0, 0), (length, width, h / 2))]
+    if kind == "ball":
+        return [{"sphere": {"center": [x, (y0 + y1) / 2, draw.uniform(-0.25, 0.4) * w], "radius": w / 2}}]
+    return [block((x, y0, h / 2), (x + w, y1, h))]
+
+
+def scene(seed: int, scheme: str, dimension: int = 2) -> Case:
     """Return the case of a seed in a scheme."""
+    if dimension == 3:
+        return scene_in_space(seed, scheme)
     draw = random.Random(f"obstacle {seed}")
     length = math.exp(draw.uniform(math.log(0.05), math.log(3.0)))
     side = draw.choice(("free_slip", "wall"))
@@ -97,6 +126,38 @@ def scene(seed: int, scheme: str) -> Case:
     )
 
 
+def scene_in_space(seed: int, scheme: str) -> Case:
+    """Return the case of a seed in a scheme, in 3-D."""
+    draw = random.Random(f"obstacle in space {seed}")
+    length = math.exp(draw.uniform(math.log(0.05), math.log(3.0)))
+    width, side, kind = length / 3, draw.choice(("free_slip", "wall")), draw.choice(KINDS_IN_SPACE)
+    shapes = shapes_in_space(kind, length, width, draw)
+    walls = ("free_slip", "no_slip")
+    bodies = {f"body_{k}": {"shape": shape, "wall": draw.choice(walls)} for k, shape in enumerate(shapes)}
+    column = block((0, 0, 0), (draw.uniform(0.25, 0.35) * length, width, draw.uniform(0.3, 0.45) * length))
+    friction = draw.choice((0.0, 1e-6, 1e-4 * math.sqrt(GRAVITY * length) * length))
+    return load_case(
+        {
+            "title": f"{kind}, seed {seed}",
+            "dimension": 3,
+            "particle_spacing": length / draw.uniform(26, 40),
+            "end_time": 6 * math.sqrt(length / GRAVITY),
+            "domain": {
+                "lower": [0, 0, 0],
+                "upper": [length, width, 1.5 * length],
+                "boundary": {"x": side, "y": side, "z": {"lower": side, "upper": "open"}},
+            },
+            "gravity": [0, 0, -GRAVITY],
+            "phases": {"water": {"density": 1000, "viscosity": 1000 * friction}},
+            "fluids": [{"phase": "water", "shape": column}],
+            "bodies": bodies,
+            "start": {"pressure": "hydrostatic"},
+            "numerics": {"scheme": scheme},
+            "output": {"particles": "none", "checkpoint": "none"},
+        }
+    )
+
+
 class Depths:
     """How deep points are in the obstacles of a case."""
 
@@ -104,28 +165,29 @@ class Depths:
         from warpsph.scene.body_surfaces import surface_of
 
         length = float(case.domain.upper[0])
-        low, high = np.array([-length, -length]), np.array(case.domain.upper, dtype=float)
+        low, high = np.full(case.dimension, -length), np.array(case.domain.upper, dtype=float)
         self.surfaces = [surface_of(case, body, low, high) for body in case.bodies.values()]
 
     def deepest(self, points: np.ndarray) -> np.ndarray:
-        """Depth of points (n, 2), m, in the obstacle that each is deepest in; 0 and less outside."""
+        """Depth of points (n, d), m, in the obstacle that each is deepest in; 0 and less outside."""
         return np.max([-surface.signed_distance(points) for surface in self.surfaces], axis=0)
 
 
-def run(task: tuple[int, str]) -> dict[str, Any]:
+def run(task: tuple[int, str, int]) -> dict[str, Any]:
     """Run one scene and return what is judged."""
     from warpsph.kernels.core import clock as ck
     from warpsph.simulation import Simulation
 
-    seed, scheme = task
-    case = scene(seed, scheme)
+    seed, scheme, dimension = task
+    case = scene(seed, scheme, dimension)
     model = Simulation(case, device="cpu", threads=1).model
     model.stepper.prepare(fresh=True)
     particles, depths = model.particles, Depths(case)
-    n, spacing, floor = particles.fluid_count, case.spacing, float(model.geometry.lattice.lower[1])
+    n, spacing, floor = particles.fluid_count, case.spacing, float(model.geometry.lattice.lower[-1])
     inside: set[int] = set()
     below: set[int] = set()
     least = most = 0.0
+    energies = [energy(particles, n)]
     diverged: float | None = None
     for sample in range(1, SAMPLES + 1):
         model.stepper.run(case.end_time * sample / SAMPLES, 10**9)
@@ -135,17 +197,26 @@ def run(task: tuple[int, str]) -> dict[str, Any]:
             break
         place = particles.get("position")[:n].astype(float)
         names = particles.get("particle_id")[:n]
-        under = (place[:, 1] < floor - 0.5 * spacing) & (place[:, 0] > 0) & (place[:, 0] < case.domain.upper[0])
-        deep = (depths.deepest(place) > 0.5 * spacing) & (place[:, 1] > floor)
+        within = (place[:, :-1] > 0) & (place[:, :-1] < np.array(case.domain.upper[:-1], dtype=float))
+        under = (place[:, -1] < floor - 0.5 * spacing) & within.all(axis=1)
+        deep = (depths.deepest(place) > 0.5 * spacing) & (place[:, -1] > floor)
         inside |= set(names[deep].tolist())
         below |= set(names[under].tolist())
+        energies.append(energy(particles, n))
         if "density_excess" in particles.fields:
             excess = particles.get("density_excess")[:n]
             least, most = min(least, float(excess.min())), max(most, float(excess.max()))
     return {
         "seed": seed, "scheme": scheme, "obstacle": case.title.split(",")[0], "particles": n, "steps": model.steps,
         "diverged": diverged, "inside": len(inside), "below": len(below), "density": [least, most],
+        "gained": max(energies) / energies[0] - 1.0,
     }  # fmt: skip
+
+
+def energy(particles: Any, count: int) -> float:
+    """Kinetic and potential energy of the first `count` particles, over their mass, J/kg; heights from the floor at 0."""
+    speed2 = (particles.get("velocity")[:count].astype(float) ** 2).sum(axis=1)
+    return float((0.5 * speed2 + GRAVITY * particles.get("position")[:count, -1].astype(float)).mean())
 
 
 def missed(row: dict[str, Any]) -> bool:
@@ -159,12 +230,14 @@ def main() -> int:
     parser.add_argument("--count", type=int, default=20, help="scenes a scheme")
     parser.add_argument("--first", type=int, default=1, help="seed of the first")
     parser.add_argument("--schemes", nargs="+", default=list(SCHEMES), choices=SCHEMES)
+    parser.add_argument("--dimension", type=int, default=2, choices=(2, 3))
     parser.add_argument("--processes", type=int, default=2)
     parser.add_argument("--json", type=Path, help="file to write")
     options = parser.parse_args()
     if options.count < 1 or options.processes < 1:
         parser.error("--count and --processes have to be 1 or more")
-    tasks = [(seed, scheme) for seed in range(options.first, options.first + options.count) for scheme in options.schemes]
+    seeds = range(options.first, options.first + options.count)
+    tasks = [(seed, scheme, options.dimension) for seed in seeds for scheme in options.schemes]
     rows = []
     with ProcessPoolExecutor(options.processes) as pool:
         for row in pool.map(run, tasks):
@@ -173,6 +246,7 @@ def main() -> int:
             print(
                 f"{row['seed']:6d} {row['scheme']:<10} {row['obstacle']:<10} {row['particles']:6d} particles  inside "
                 f"{row['inside']:3d}  below {row['below']:3d}  density {row['density'][0]:+.3f} {row['density'][1]:+.3f}  "
+                f"gained {100 * row['gained']:+.2f} %  "
                 f"{'MISSED ' if missed(row) else ''}{ending}",
                 flush=True,
             )

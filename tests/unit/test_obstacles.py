@@ -23,7 +23,7 @@ def obstacles():
 )
 def test_scenes_that_were_lost_hold(obstacles, seed, scheme):
     """A slope that water ran under, hills, boxes on each other: all diverged or let more than 1 % of the water in."""
-    row = obstacles.run((seed, scheme))
+    row = obstacles.run((seed, scheme, 2))
     assert row["diverged"] is None
     assert row["inside"] + row["below"] <= obstacles.LET_IN * row["particles"]
     assert not obstacles.missed(row)
