@@ -10,8 +10,8 @@ spacings and a third as wide, of six: boxes on each other and beside each other,
 bridge.
 
 Judged, 60 times a run: whether it diverged; how many particles were ever deeper than half a spacing in an obstacle, or
-as far below the floor; the range of the densities; the largest kinetic and potential energy over those of the start. Exit code 1 if a run
-diverged or let more than 1 % of its particles in.
+as far below the floor; the range of the densities; the largest kinetic and potential energy over those of the start.
+Exit code 1 if a run diverged or let more than 1 % of its particles in.
 """
 
 from __future__ import annotations

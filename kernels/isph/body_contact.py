@@ -29,6 +29,9 @@ def make_contact(spec: Spec) -> Any:
     the rim of the support planes may be missing, but what of a surface has its foot at a particle is no farther from it than
     the diagonal of a cell.
 
+    In a hollow edge, as between the top of one body and the face of another, a particle has a second plane: that of the
+    nearest foot before the first one, less than a cell aside, if it has another direction.
+
     Particles without an area, deeper or past the edge of a thin tail, where there is no surface, do not count.
     The speed is that of the plane at x_i: as a body turns its planes do. The normal is a mean of those of the surface around
     x_i: that of the foot of one boundary particle would take a share of what slides along a hollow wall at each stop.
@@ -63,8 +66,12 @@ def make_contact(spec: Spec) -> Any:
         beside: wp.array(dtype=vec),
         wall_gap: wp.array(dtype=real),
         wall_pace: wp.array(dtype=real),
+        beside_2: wp.array(dtype=vec),
+        wall_gap_2: wp.array(dtype=real),
+        wall_pace_2: wp.array(dtype=real),
     ):
         beside[i] = vec()
+        beside_2[i] = vec()
         walls_begin = particle_count - wall_depth.shape[0]
         step = list_step(particle_count)
         begin = list_begin(i, list_width) + int(fluid_neighbours[i]) * step
@@ -83,6 +90,7 @@ def make_contact(spec: Spec) -> Any:
                 n_c = wall_normal[b]
                 to_c = d - wall_depth[b] * n_c
         pace_i = vec()
+        to_i = vec()  # from the foot of the plane to the particle
         rounding = real(ROUNDING) * params.spacing
         most = real(-1.0e30)
         k = begin
@@ -105,18 +113,37 @@ def make_contact(spec: Spec) -> Any:
                     if wp.static(spec.moving):
                         pace = velocity_at(pace, d, wall_body[b], body_motion, poses)
                     pace_i = pace
+                    to_i = to_j
         # The surface turns from one boundary particle to the next: the normal at x_i is a mean of theirs.
         chosen = vec() + beside[i]
         mean = vec()
+        nearest = real(diagonal) * params.spacing
+        nearest = nearest * nearest
         k = begin
         while k < end:
             j = neighbour(neighbours, i, k)
             k += step
             b = j - walls_begin
             n = wall_normal[b]
-            if wall_area[b] > real(0.0) and wp.dot(n, chosen) > real(SMOOTH):
+            if wall_area[b] > real(0.0):
                 d = separation(xi, position[j], True, params)
-                mean += n * (shape(wp.length(d) * params.inv_h) / shape(real(0.0)))
+                to_j = d - wall_depth[b] * n
+                gap = wp.dot(n, to_j)
+                aside = to_j - gap * n
+                if wp.dot(n, chosen) > real(SMOOTH):
+                    mean += n * (shape(wp.length(d) * params.inv_h) / shape(real(0.0)))
+                elif (
+                    wp.dot(chosen, to_i - to_j) > rounding
+                    and wp.dot(aside, aside) < params.spacing * params.spacing
+                    and wp.dot(to_j, to_j) < nearest
+                ):
+                    nearest = wp.dot(to_j, to_j)
+                    pace = velocity[j]
+                    if wp.static(spec.moving):
+                        pace = velocity_at(pace, d, wall_body[b], body_motion, poses)
+                    beside_2[i] = n
+                    wall_gap_2[i] = gap
+                    wall_pace_2[i] = wp.dot(n, pace)
         if wp.length(mean) > real(1.0e-6):
             beside[i] = wp.normalize(mean)
         wall_pace[i] = wp.dot(beside[i], pace_i)

@@ -369,6 +369,9 @@ def make_correct(spec: Spec) -> Any:
         beside: wp.array(dtype=vec),
         wall_gap: wp.array(dtype=real),
         wall_pace: wp.array(dtype=real),
+        beside_2: wp.array(dtype=vec),
+        wall_gap_2: wp.array(dtype=real),
+        wall_pace_2: wp.array(dtype=real),
         maxima: wp.array(dtype=real),
         zone: wp.array(dtype=wp.int8),
     ):
@@ -455,6 +458,7 @@ def make_correct(spec: Spec) -> Any:
             contact(
                 i, xi, particle_count, list_width, params, neighbours, fluid_neighbours, wall_neighbours, position, velocity,
                 wall_normal, wall_depth, wall_area, wall_body, body_motion, poses, beside, wall_gap, wall_pace,
+                beside_2, wall_gap_2, wall_pace_2,
             )  # fmt: skip
         gradient = total * params.g_norm
         if wp.static(spec.corrected):

@@ -77,6 +77,9 @@ def make_advect(spec: Spec) -> Any:
         beside: wp.array(dtype=vec),
         wall_gap: wp.array(dtype=real),
         wall_pace: wp.array(dtype=real),
+        beside_2: wp.array(dtype=vec),
+        wall_gap_2: wp.array(dtype=real),
+        wall_pace_2: wp.array(dtype=real),
         offset: wp.array(dtype=vec),
         position: wp.array(dtype=vec),
         zone: wp.array(dtype=wp.int8),
@@ -102,17 +105,20 @@ def make_advect(spec: Spec) -> Any:
             v += change
             old += change
         if wp.static(spec.bodies):
-            # as at the sides below, with the wall as the last step has left it
-            n = beside[i]
-            if wp.dot(n, n) > real(0.0):
-                left = wall_gap[i] + wp.dot(way - offset[i], n) - wall_pace[i] * real(clock[STEP])
-                need = real(CLOSEST) * params.spacing - left
-                if need > real(0.0):
-                    way += need * n
-                    # what it had gathered of a turn along the wall it keeps, or it would run straight into the wall again
-                    stop = n * wp.max(wall_pace[i] - wp.dot(v, n), real(0.0))
-                    v += stop
-                    old += stop
+            # as at the sides below, with the walls as the last step has left them
+            for plane in range(2):
+                n, gap_n, pace = vec() + beside[i], real(0.0) + wall_gap[i], real(0.0) + wall_pace[i]
+                if plane == 1:
+                    n, gap_n, pace = vec() + beside_2[i], real(0.0) + wall_gap_2[i], real(0.0) + wall_pace_2[i]
+                if wp.dot(n, n) > real(0.0):
+                    left = gap_n + wp.dot(way - offset[i], n) - pace * real(clock[STEP])
+                    need = real(CLOSEST) * params.spacing - left
+                    if need > real(0.0):
+                        way += need * n
+                        # what it had gathered of a turn along the wall it keeps, or it would run into the wall again
+                        stop = n * wp.max(pace - wp.dot(v, n), real(0.0))
+                        v += stop
+                        old += stop
         x = anchor[i] + way
         if wp.static(spec.mirror):
             # Pressure keeps the fluid off a wall, but a particle of the surface has none: it ends at the wall like a drop.

@@ -147,6 +147,8 @@ def make_regularise(spec: Spec) -> Any:
         boundary_volume: wp.array(dtype=real),
         beside: wp.array(dtype=vec),
         wall_gap: wp.array(dtype=real),
+        beside_2: wp.array(dtype=vec),
+        wall_gap_2: wp.array(dtype=real),
         mirror_velocity: wp.array(dtype=vec),
         dilation: wp.array(dtype=real),
         dilation_old: wp.array(dtype=real),
@@ -267,6 +269,9 @@ def make_regularise(spec: Spec) -> Any:
                 n = beside[i]
                 inward = wp.min(real(CLOSEST) * params.spacing - wall_gap[i], real(0.0))
                 dx += n * wp.max(inward - wp.dot(dx, n), real(0.0))
+                n_2 = beside_2[i]
+                inward_2 = wp.min(real(CLOSEST) * params.spacing - wall_gap_2[i], real(0.0))
+                dx += n_2 * wp.max(inward_2 - wp.dot(dx, n_2), real(0.0))
             shift[i] = dx
             change = shear * dx
             if wp.static(spec.free_surface):
