@@ -79,6 +79,9 @@ def test_a_body_in_the_fluid_and_one_that_never_comes_to_it():
     assert contact(plunging(-0.02), pool(), -0.02) == 0.0
     case = plunging(0.3)
     assert contact(case, pool(), 0.3) == case.end_time
+    case = plunging(0.3, motion="0*t", gravity=[0, 0])  # nothing moves
+    assert contact(case, pool(), 0.3) == case.end_time
+    assert pressure_seen(case) == 0.0
 
 
 def test_a_jerk_in_the_air_makes_no_pressure():

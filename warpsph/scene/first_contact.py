@@ -54,7 +54,7 @@ def first_contact(track: Track, corners: NDArray[np.float64], spread: Spread, sp
         gap = spread.gap(places.min(axis=0), places.max(axis=0), time)
         if gap <= closing * FINEST * end:
             return time
-        time += gap / closing
+        time += gap / closing if closing > 0.0 else end
     return end
 
 
