@@ -38,9 +38,9 @@ SCHEMES = ("riemann", "isph", "delta_plus")
 LET_IN = 0.01  # of all particles
 
 
-def box(x0: float, y0: float, x1: float, y1: float) -> dict[str, Any]:
+def box(lower: tuple[float, ...], upper: tuple[float, ...]) -> dict[str, Any]:
     """Return the shape of a box."""
-    return {"box": {"lower": [x0, y0], "upper": [x1, y1]}}
+    return {"box": {"lower": list(lower), "upper": list(upper)}}
 
 
 def polygon(*points: tuple[float, float]) -> dict[str, Any]:
@@ -52,9 +52,9 @@ def shapes_of(kind: str, length: float, draw: random.Random) -> list[dict[str, A
     """Return the shapes of an obstacle in a tank of a length [m]."""
     x, w, h = (length * draw.uniform(*span) for span in ((0.5, 0.6), (0.1, 0.2), (0.08, 0.2)))
     if kind == "stack":
-        return [box(x, 0, x + w, h / 2), box(x + w / 4, h / 2, x + 3 * w / 4, h)]
+        return [box((x, 0), (x + w, h / 2)), box((x + w / 4, h / 2), (x + 3 * w / 4, h))]
     if kind == "pair":
-        return [box(x, 0, x + w / 2, h / 2), box(x + w / 2, 0, x + w, h)]
+        return [box((x, 0), (x + w / 2, h / 2)), box((x + w / 2, 0), (x + w, h))]
     if kind == "trapezoid":
         return [polygon((x, 0), (x + w, 0), (x + 0.7 * w, h), (x + 0.3 * w, h))]
     if kind == "triangle":
@@ -64,14 +64,9 @@ def shapes_of(kind: str, length: float, draw: random.Random) -> list[dict[str, A
     if kind == "hill":
         return [{"where": {"condition": f"y < {h}*exp(-((x - {x})/{w / 2})**2) - {h / 10}"}}]
     if kind == "step":
-        return [box(x, 0, length, h / 2)]
+        return [box((x, 0), (length, h / 2))]
     legs = ((x + w / 3, 0), (x + w / 3, h / 2), (x + 2 * w / 3, h / 2), (x + 2 * w / 3, 0))
     return [polygon((x, 0), *legs, (x + w, 0), (x + w, h), (x, h))]
-
-
-def block(lower: tuple[float, ...], upper: tuple[float, ...]) -> dict[str, Any]:
-    """Return the shape of a box in space."""
-    return {"box": {"lower": list(lower), "upper": list(upper)}}
 
 
 def shapes_in_space(kind: str, length: float, width: float, draw: random.Random) -> list[dict[str, Any]]:
@@ -79,77 +74,45 @@ def shapes_in_space(kind: str, length: float, width: float, draw: random.Random)
     x, w, h = (length * draw.uniform(*span) for span in ((0.5, 0.6), (0.12, 0.25), (0.1, 0.25)))
     y0, y1 = (width * draw.uniform(*span) for span in ((0.0, 0.4), (0.6, 1.0)))
     if kind == "stack":
-        return [block((x, y0, 0), (x + w, y1, h / 2)), block((x + w / 4, y0, h / 2), (x + 3 * w / 4, y1, h))]
+        return [box((x, y0, 0), (x + w, y1, h / 2)), box((x + w / 4, y0, h / 2), (x + 3 * w / 4, y1, h))]
     if kind == "pair":
-        return [block((x, y0, 0), (x + w / 2, y1, h / 2)), block((x + w / 2, y0, 0), (x + w, y1, h))]
+        return [box((x, y0, 0), (x + w / 2, y1, h / 2)), box((x + w / 2, y0, 0), (x + w, y1, h))]
     if kind == "pillar":
-        return [block((x, y0, 0), (x + w, y1, 0.6 * length))]
+        return [box((x, y0, 0), (x + w, y1, 0.6 * length))]
     if kind == "step":
-        return [block((x, 0, 0), (length, width, h / 2))]
+        return [box((x, 0, 0), (length, width, h / 2))]
     if kind == "ball":
         return [{"sphere": {"center": [x, (y0 + y1) / 2, draw.uniform(-0.25, 0.4) * w], "radius": w / 2}}]
-    return [block((x, y0, h / 2), (x + w, y1, h))]
+    return [box((x, y0, h / 2), (x + w, y1, h))]
 
 
 def scene(seed: int, scheme: str, dimension: int = 2) -> Case:
     """Return the case of a seed in a scheme."""
-    if dimension == 3:
-        return scene_in_space(seed, scheme)
-    draw = random.Random(f"obstacle {seed}")
+    plane = dimension == 2
+    draw = random.Random(f"obstacle {seed}" if plane else f"obstacle in space {seed}")
     length = math.exp(draw.uniform(math.log(0.05), math.log(3.0)))
-    side = draw.choice(("free_slip", "wall"))
-    kind = draw.choice(KINDS)
+    size = [length, 1.5 * length] if plane else [length, length / 3, 1.5 * length]
+    side, across = draw.choice(("free_slip", "wall")), "xy"[: dimension - 1]
+    kind = draw.choice(KINDS if plane else KINDS_IN_SPACE)
     walls = ("free_slip", "no_slip")
-    shapes = shapes_of(kind, length, draw)
+    shapes = shapes_of(kind, length, draw) if plane else shapes_in_space(kind, length, size[1], draw)
     bodies = {f"body_{k}": {"shape": shape, "wall": draw.choice(walls)} for k, shape in enumerate(shapes)}
-    column = box(0, 0, draw.uniform(0.25, 0.35) * length, draw.uniform(0.3, 0.45) * length)
+    width, height = draw.uniform(0.25, 0.35) * length, draw.uniform(0.3, 0.45) * length
     friction = draw.choice((0.0, 1e-6, 1e-4 * math.sqrt(GRAVITY * length) * length))
     return load_case(
         {
             "title": f"{kind}, seed {seed}",
-            "dimension": 2,
-            "particle_spacing": length / draw.uniform(55, 90),
+            "dimension": dimension,
+            "particle_spacing": length / draw.uniform(*((55, 90) if plane else (26, 40))),
             "end_time": 6 * math.sqrt(length / GRAVITY),
             "domain": {
-                "lower": [0, 0],
-                "upper": [length, 1.5 * length],
-                "boundary": {"x": side, "y": {"lower": side, "upper": "open"}},
+                "lower": [0] * dimension,
+                "upper": size,
+                "boundary": {axis: side for axis in across} | {"xyz"[dimension - 1]: {"lower": side, "upper": "open"}},
             },
-            "gravity": [0, -GRAVITY],
+            "gravity": [*(0 for _ in across), -GRAVITY],
             "phases": {"water": {"density": 1000, "viscosity": 1000 * friction}},
-            "fluids": [{"phase": "water", "shape": column}],
-            "bodies": bodies,
-            "start": {"pressure": "hydrostatic"},
-            "numerics": {"scheme": scheme},
-            "output": {"particles": "none", "checkpoint": "none"},
-        }
-    )
-
-
-def scene_in_space(seed: int, scheme: str) -> Case:
-    """Return the case of a seed in a scheme, in 3-D."""
-    draw = random.Random(f"obstacle in space {seed}")
-    length = math.exp(draw.uniform(math.log(0.05), math.log(3.0)))
-    width, side, kind = length / 3, draw.choice(("free_slip", "wall")), draw.choice(KINDS_IN_SPACE)
-    shapes = shapes_in_space(kind, length, width, draw)
-    walls = ("free_slip", "no_slip")
-    bodies = {f"body_{k}": {"shape": shape, "wall": draw.choice(walls)} for k, shape in enumerate(shapes)}
-    column = block((0, 0, 0), (draw.uniform(0.25, 0.35) * length, width, draw.uniform(0.3, 0.45) * length))
-    friction = draw.choice((0.0, 1e-6, 1e-4 * math.sqrt(GRAVITY * length) * length))
-    return load_case(
-        {
-            "title": f"{kind}, seed {seed}",
-            "dimension": 3,
-            "particle_spacing": length / draw.uniform(26, 40),
-            "end_time": 6 * math.sqrt(length / GRAVITY),
-            "domain": {
-                "lower": [0, 0, 0],
-                "upper": [length, width, 1.5 * length],
-                "boundary": {"x": side, "y": side, "z": {"lower": side, "upper": "open"}},
-            },
-            "gravity": [0, 0, -GRAVITY],
-            "phases": {"water": {"density": 1000, "viscosity": 1000 * friction}},
-            "fluids": [{"phase": "water", "shape": column}],
+            "fluids": [{"phase": "water", "shape": box((0,) * dimension, (width, *size[1:-1], height))}],
             "bodies": bodies,
             "start": {"pressure": "hydrostatic"},
             "numerics": {"scheme": scheme},

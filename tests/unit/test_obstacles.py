@@ -6,6 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from warpsph.kernels.isph.projection import CLOSEST
+from warpsph.running.model import Model
+
 SCRIPT = Path(__file__).resolve().parents[2] / "scripts" / "obstacles.py"
 
 
@@ -36,6 +39,22 @@ def test_hollow_edges_between_bodies_hold(obstacles, seed):
     assert row["obstacle"] == "pair" and row["diverged"] is None
     assert row["inside"] == row["below"] == 0
     assert row["gained"] < 0.01
+
+
+def test_shifts_go_no_farther_than_where_a_particle_stops(obstacles):
+    """What a shift carries changes on the way that it goes: to 0.4 spacings from each plane of a hollow edge."""
+    case = obstacles.scene(55, "isph", 3)
+    model = Model(case, device="cpu", threads=1)
+    model.stepper.prepare(fresh=True)
+    count, least, seen = model.particles.fluid_count, 0.0, 0
+    for step in range(1, 41):
+        model.stepper.run((0.3 + 5e-3 * step) * case.end_time, 10**9)
+        shift, normal, gap = (model.particles.get(name)[:count] for name in ("shift", "beside_2", "wall_gap_2"))
+        there = (normal**2).sum(axis=1) > 0
+        seen += int(there.sum())
+        left = gap[there] + (shift * normal).sum(axis=1)[there] - np.minimum(gap[there], CLOSEST * case.spacing)
+        least = min(least, float(left.min(initial=0.0)) / case.spacing)
+    assert seen > 20 and least > -1e-5
 
 
 def test_scenes_in_space(obstacles):
