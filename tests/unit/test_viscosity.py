@@ -179,6 +179,28 @@ def test_isotropic_friction_does_not_feel_the_direction_of_rows(kernel, dimensio
     assert moment == pytest.approx(1.0, abs=0.02)
 
 
+@pytest.mark.parametrize(
+    ("form", "ratio", "expected"),
+    [
+        ("radial", 1.5, 0.919),
+        ("isotropic", 1.5, 0.980),
+        ("morris", 1.5, 0.997),
+        ("radial", 2.0, 0.972),
+        ("isotropic", 2.0, 0.993),
+    ],
+)
+def test_rows_that_slide_past_each_other(form, ratio, expected):
+    """Neighbours are everywhere along the flow and in rows across it: what a film feels (records/isph.md#film)."""
+    support, fine = ratio * KERNELS["wendland_c2"].support, 0.005
+    rows = np.arange(-math.ceil(support), math.ceil(support) + 1.0)
+    x, y = np.meshgrid(np.arange(-support, support, fine) + 0.5 * fine, rows)
+    sites = np.stack([x.ravel(), y.ravel()], axis=1)
+    f = evaluate(make_friction_slope(form, "wendland_c2", 2, "float64"), "float64", np.linalg.norm(sites, axis=1) / ratio)
+    f *= KERNELS["wendland_c2"].alpha[1] / ratio**4 * fine
+    velocity = np.stack([0.5 * sites[:, 1] ** 2, np.zeros(len(sites))], axis=1)
+    assert f @ pair_terms(form, -velocity, -sites, ratio)[:, 0] == pytest.approx(expected, abs=1e-3)
+
+
 @pytest.mark.parametrize("kernel", list(KERNELS))
 @pytest.mark.parametrize("dimension", [1, 2, 3])
 def test_weights_of_friction_have_the_second_moment_of_the_kernel(kernel, dimension):
