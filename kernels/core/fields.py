@@ -11,6 +11,7 @@ from typing import Any
 import warp as wp
 
 from .spec import Spec, curvature_type, origins_type, phase_types_of, types_of
+from .wall_share import marks_sides
 
 NOBODY, FLUID, BUFFER = 0, 1, 2  # of `zone`; BUFFER + k is the buffer of the open side k
 
@@ -30,6 +31,11 @@ def walls(spec: Spec) -> bool:
     return spec.walls
 
 
+def known_sides(spec: Spec) -> bool:
+    """Runs in which wall particles know the sides of the domain that they are behind."""
+    return spec.varying_sides or marks_sides(spec)
+
+
 def no_slip(spec: Spec) -> bool:
     """Runs with friction on walls."""
     return spec.wall_no_slip
@@ -46,7 +52,7 @@ def depths(spec: Spec) -> bool:
 
 
 def bodies(spec: Spec) -> bool:
-    """Runs with bodies, whose surfaces do not follow the lattice."""
+    """Runs with walls that have a surface of their own."""
     return spec.bodies
 
 
@@ -179,7 +185,7 @@ COMMON: tuple[Field, ...] = (
     Field("home", "vec", "wall", True, moving, "m", "position at time 0 of a particle of a body"),
     Field("home_normal", "vec", "wall", True, moving, "-", "normal at time 0"),
     Field("wall_acceleration", "vec", "wall", True, moving, "m/s^2", "of a particle of a body"),
-    Field("wall_sides", "uint8", "wall", True, varying_sides, "-", "bits: the sides that a wall particle is behind"),
+    Field("wall_sides", "uint8", "wall", True, known_sides, "-", "bits: the sides that a wall particle is behind"),
     Field("fluid_neighbours", "int16", "all", False, always, "-", "fluid particles in the list"),
     Field("wall_neighbours", "int16", "fluid", False, walls, "-", "wall particles in the list, after the fluid"),
     Field("flags", "uint8", "all", False, flagged, "-", "bits of `pair`: image, first ring, band"),

@@ -1,4 +1,34 @@
-"""What continuity has of a compression beside walls with a velocity of their own (theory: delta#d6)."""
+"""Walls with a velocity of their own in continuity, and what it has of a compression beside them (theory: delta#d6)."""
+
+import functools
+from typing import Any
+
+import warp as wp
+
+from .spec import Spec
 
 LEAST_SHARE = 0.25  # in a right-angled corner whose two faces a particle touches
 PARALLEL = 1.0 - 1.0e-6  # cosine from which on normals are those of one plane: rounding, or a thousand supports of radius
+
+
+def marks_sides(spec: Spec) -> bool:
+    """In the full domain of one fluid sides have their own velocity in continuity where bodies may not."""
+    alone = not (spec.multiphase or spec.free_surface or spec.flat_walls)
+    return spec.bodies and spec.wall_no_slip and alone and spec.scheme in ("riemann", "delta_plus")
+
+
+@functools.cache
+def make_slides(marked: bool) -> Any:
+    """Return the `wp.func` slides(w, slip, wall_sides): the wall particle has its own velocity in continuity.
+
+    marked: the fluid may stick to walls, and those that are sides of the domain have their own velocity all the same.
+    """
+
+    @wp.func
+    def slides(w: int, slip: wp.array(dtype=wp.uint8), wall_sides: wp.array(dtype=wp.uint8)):
+        free = slip[w] != wp.uint8(0)
+        if wp.static(marked):
+            free = free or wall_sides[w] != wp.uint8(0)
+        return free
+
+    return slides

@@ -15,7 +15,7 @@ from warpsph.kernels.core.pair import WRAPPED, list_access, separation_of
 from warpsph.kernels.core.params import make_params, make_phase
 from warpsph.kernels.core.smoothing import make_smoothing
 from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, types_of
-from warpsph.kernels.core.wall_share import LEAST_SHARE
+from warpsph.kernels.core.wall_share import LEAST_SHARE, make_slides, marks_sides
 
 from .delta_continuity import SMALLEST_MOMENT, continues_flow
 from .delta_momentum import make_driving_force
@@ -36,6 +36,7 @@ def make_budget_density(spec: Spec) -> Any:
     eos = make_eos(spec.precision)
     driving_force = make_driving_force(spec)
     carries, continued = spec.shift_form == "consistent", continues_flow(spec)
+    slides_at = make_slides(marks_sides(spec))
 
     @wp.kernel(module="unique", enable_backward=False, module_options=SWEEP_OPTIONS)
     def budget_density(
@@ -60,6 +61,7 @@ def make_budget_density(spec: Spec) -> Any:
         boundary_volume: wp.array(dtype=real),
         mirror_velocity: wp.array(dtype=vec),
         slip: wp.array(dtype=wp.uint8),
+        wall_sides: wp.array(dtype=wp.uint8),
         wall_normal: wp.array(dtype=vec),
         wall_depth: wp.array(dtype=real),
         pressure_gradient: wp.array(dtype=vec),
@@ -126,7 +128,7 @@ def make_budget_density(spec: Spec) -> Any:
                     dv = vi - velocity[j]
                     slides = bool(True)
                     if wp.static(continued):
-                        slides = slip[w] != wp.uint8(0)
+                        slides = slides_at(w, slip, wall_sides)
                         if not slides:
                             dv = vi - mirror_velocity[w]
                     correctable = correctable and (not slides or f == real(0.0))

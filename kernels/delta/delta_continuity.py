@@ -30,7 +30,7 @@ from warpsph.kernels.core.pair import WRAPPED, list_access, make_at, separation_
 from warpsph.kernels.core.params import make_params, make_phase
 from warpsph.kernels.core.smoothing import make_smoothing
 from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, types_of
-from warpsph.kernels.core.wall_share import LEAST_SHARE
+from warpsph.kernels.core.wall_share import LEAST_SHARE, make_slides, marks_sides
 
 from .fluid_pairs import make_rate_sums
 
@@ -40,7 +40,7 @@ SPARSE = 0.4  # of the dimension, which -sum F V r^2 is inside a fluid: fewer ne
 
 def continues_flow(spec: Spec) -> bool:
     """In the continuity sweep bodies that the fluid sticks to have the velocity of the flow that is continued into them."""
-    return spec.wall_no_slip and (spec.exact_divergence or not spec.free_surface)
+    return spec.wall_no_slip and not spec.flat_walls and (spec.exact_divergence or not spec.free_surface)
 
 
 @functools.cache
@@ -61,7 +61,7 @@ def make_delta_continuity(spec: Spec, flow_part: bool = True, slow_part: bool = 
     carries = spec.shift_form == "consistent" and slow_part
     diffuses = spec.density_diffusion and slow_part
     exact, roomy = spec.exact_divergence and flow_part, spec.room and flow_part
-    continued = continues_flow(spec)
+    continued, slides_at = continues_flow(spec), make_slides(marks_sides(spec))
     sparse = SPARSE * spec.dimension
 
     @wp.kernel(module="unique", enable_backward=False, module_options=SWEEP_OPTIONS)
@@ -85,6 +85,7 @@ def make_delta_continuity(spec: Spec, flow_part: bool = True, slow_part: bool = 
         boundary_volume: wp.array(dtype=real),
         mirror_velocity: wp.array(dtype=vec),
         slip: wp.array(dtype=wp.uint8),
+        wall_sides: wp.array(dtype=wp.uint8),
         wall_normal: wp.array(dtype=vec),
         wall_depth: wp.array(dtype=real),
         pressure_gradient: wp.array(dtype=vec),
@@ -148,7 +149,7 @@ def make_delta_continuity(spec: Spec, flow_part: bool = True, slow_part: bool = 
                     dv = vi - at_vec(velocity, j)
                     slides = bool(True)
                     if wp.static(continued):
-                        slides = slip[w] != wp.uint8(0)
+                        slides = slides_at(w, slip, wall_sides)
                         if not slides:
                             dv = vi - mirror_velocity[w]
                     correctable = correctable and (not slides or f == real(0.0))

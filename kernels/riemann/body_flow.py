@@ -9,7 +9,7 @@ from warpsph.kernels.core.pair import list_access, separation_of
 from warpsph.kernels.core.params import make_params
 from warpsph.kernels.core.smoothing import make_smoothing
 from warpsph.kernels.core.spec import Spec, types_of
-from warpsph.kernels.core.wall_share import LEAST_SHARE, PARALLEL
+from warpsph.kernels.core.wall_share import LEAST_SHARE, PARALLEL, make_slides, marks_sides
 
 SMALLEST_MOMENT = 0.1  # determinant below which a neighbourhood is too thin to correct
 
@@ -39,7 +39,7 @@ def make_body_flow(spec: Spec) -> Any:
     _, slope = make_smoothing(spec.kernel, spec.precision)
     separation = separation_of(spec)
     _, _, neighbour, Listed = list_access(spec)
-    slide = shares(spec)
+    slide, slides_at = shares(spec), make_slides(marks_sides(spec))
 
     @wp.func
     def with_bodies(
@@ -62,6 +62,7 @@ def make_body_flow(spec: Spec) -> Any:
         velocity: wp.array(dtype=vec),
         mirror_velocity: wp.array(dtype=vec),
         slip: wp.array(dtype=wp.uint8),
+        wall_sides: wp.array(dtype=wp.uint8),
         wall_normal: wp.array(dtype=vec),
         wall_depth: wp.array(dtype=real),
     ):
@@ -84,7 +85,7 @@ def make_body_flow(spec: Spec) -> Any:
             if wp.static(slide):
                 slides = f < real(0.0)
                 if wp.static(spec.wall_no_slip):
-                    slides = slides and slip[w] != wp.uint8(0)
+                    slides = slides and slides_at(w, slip, wall_sides)
                 if slides:
                     normal = wall_normal[w]
                     meets = wp.dot(normal, f * d)

@@ -232,6 +232,7 @@ def make_continuity(spec: Spec) -> Any:
         room_part: wp.array(dtype=real),
         thin: wp.array(dtype=wp.int8),
         slip: wp.array(dtype=wp.uint8),
+        wall_sides: wp.array(dtype=wp.uint8),
         wall_normal: wp.array(dtype=vec),
         wall_depth: wp.array(dtype=real),
         inertia: wp.array(dtype=vec),
@@ -336,7 +337,8 @@ def make_continuity(spec: Spec) -> Any:
         if wp.static(spec.bodies):
             rate = with_bodies(
                 rate, i, k, end, step, particle_count, wrapped, near, xi, vi, own_pairs.flow, own_pairs.moment, params,
-                neighbours, position, boundary_volume, velocity, mirror_velocity, slip, wall_normal, wall_depth)  # fmt: skip
+                neighbours, position, boundary_volume, velocity, mirror_velocity, slip, wall_sides, wall_normal,
+                wall_depth)  # fmt: skip
         if wp.static(spray):
             blur *= evenly(own_pairs.stiffness, params)
         if wp.static(sided):

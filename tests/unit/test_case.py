@@ -164,7 +164,7 @@ def test_defaults():
     case = Case.from_dict(SMALL)
     assert case.gravity == case.body_force == (0.0, 0.0)
     assert [v.constant for v in case.start.velocity] == [0.0, 0.0]
-    assert case.start.pressure is None
+    assert case.start.pressure == "auto"
     assert [side.lower.kind for side in case.sides] == ["open", "open"]
     assert case.has_open_sides and not case.has_walls
     assert case.output.particles.interval == pytest.approx(0.05)

@@ -173,7 +173,7 @@ def check_start(case: Any, _folder: Path | None, _raw: Any) -> Problems:
 
     def pressure() -> Problems:
         yield from check_names(case, "start.pressure", case.start.pressure)
-        if isinstance(case.start.pressure, str):
+        if case.start.pressure == "hydrostatic":
             for axis, g in zip(AXES[: case.dimension], case.gravity, strict=False):
                 if g != 0 and getattr(case.domain.boundary, axis).periodic:
                     yield Problem(

@@ -48,11 +48,12 @@ class Start(CaseModel):
         examples=['"where(x < 0, 1, 0.125)"'],
     )
     pressure: Annotated[
-        Expression | Literal["hydrostatic"] | None,
-        FormulaRule(words=(("none", None), ("hydrostatic", "hydrostatic"))),
+        Expression | Literal["hydrostatic", "auto"] | None,
+        FormulaRule(words=(("none", None), ("hydrostatic", "hydrostatic"), ("auto", "auto"))),
     ] = Field(
-        default=None,
-        description="pressure added to the background, Pa: none, hydrostatic, or a formula in x, y, z, r",
+        default="auto",
+        description="pressure added to the background, Pa: none, hydrostatic, or a formula in x, y, z, r; auto: hydrostatic "
+        "for one fluid with sound that fills a closed domain, else none",
         examples=["hydrostatic"],
     )
 

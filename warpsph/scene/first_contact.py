@@ -90,7 +90,7 @@ def spread_of(case: Case, geometry: Geometry, forcing: Forcing, fastest: float) 
         far = np.linalg.norm(position - np.asarray(case.central_force.center), axis=1).max()
         pull += case.central_force.rate**2 * float(far)
     first = float(np.sqrt((velocity**2).sum(axis=1)).max())
-    pushed = len(forcing.tracks) > 1 or case.start.pressure not in (None, "hydrostatic") or case.has_flow_through
+    pushed = len(forcing.tracks) > 1 or case.start.pressure not in (None, "auto", "hydrostatic") or case.has_flow_through
     fastest = max(first, fastest)
     half = 0.5 * case.spacing
     return Spread(position.min(axis=0) - half, position.max(axis=0) + half, fastest if pushed else first, fastest, pull)

@@ -17,6 +17,7 @@ has the particles of the lattice, but whoever wants it gives `build` a function 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
@@ -70,7 +71,7 @@ class Geometry:
     stout: whether no body has a thin tail, nor would have one if it went on into the wall that it ends on
     at_open_side: whether a cell that no body takes lies at an open side of the domain
     shapes: surfaces of the bodies, in their order
-    surface: where the surface of the walls is, seen from each wall particle; None without bodies
+    surface: where the surface of the walls is, seen from each wall particle; None where no wall has one
     lattice: the cells that the particles come from; its `lower` and `upper` are where the walls stand
     arrangement: lattice or fitted: what `start.arrangement` came to
     arrangement_reason: why
@@ -173,11 +174,14 @@ def build(case: Case, support: float, unlock: float = 0.0, arrange: Arrange | No
     crowded = equal_masses(case, lattice, fluid, problems) if arrangement == "equal_mass" else None
     velocity = start_velocity(case, fluid, problems)
     varying = start_density(case, fluid, problems)
+    blocked = 0 if covered is None else int(np.count_nonzero(covered))
+    open_side = _at_open_side(case, np.ones(lattice.count, np.bool_) if covered is None else ~covered)
+    filled = not open_side and len(fluid.position) + blocked >= math.prod(lattice.count)
     pressure = None
     if case.start.pressure is not None:
         rest_density = np.array([*(phase.density for phase in case.phases.values()), 0.0])
         density = rest_density[phase_of_region][region]
-        pressure = start_pressure(case, lattice, density, covered, fluid, problems, warnings)
+        pressure = start_pressure(case, lattice, density, covered, fluid, filled, problems, warnings)
     if problems:
         raise CaseError(problems)
 
@@ -200,7 +204,8 @@ def build(case: Case, support: float, unlock: float = 0.0, arrange: Arrange | No
     if arrangement == "lattice":
         of_region = np.bincount(region[fluid.cells], weights=volume[:fluids], minlength=len(case.fluids))
         warnings += rounded_volumes(case, regions, np.asarray(of_region, np.float64))
-    surface = walls.surface() if case.bodies else None
+    continued = filled and case.scheme.continues_sides and walls.count > 0
+    surface = walls.surface() if case.bodies or continued else None
     if surface is not None:
         volume[fluids:] = surface.volume
     return Geometry(
@@ -215,10 +220,10 @@ def build(case: Case, support: float, unlock: float = 0.0, arrange: Arrange | No
         boundary_velocity=rows(None, walls.velocity, np.float64, vector),
         body=rows(None, walls.body, np.int32),
         body_names=tuple(walls.names),
-        blocked=0 if covered is None else int(np.count_nonzero(covered)),
+        blocked=blocked,
         cut=tuple(cut),
         stout=all(solid.stout for solid in walls.solids),
-        at_open_side=_at_open_side(case, np.ones(lattice.count, np.bool_) if covered is None else ~covered),
+        at_open_side=open_side,
         shapes=tuple(surfaces),
         surface=surface,
         lattice=lattice,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -98,14 +98,16 @@ def start_pressure(
     density: NDArray[np.float64],
     solid: NDArray[np.bool_] | None,
     fluid: FluidParticles,
+    filled: bool,
     problems: list[Problem],
     warnings: list[str],
 ) -> NDArray[np.float64] | None:
     """Pressure (n,) of fluid particles without the background, Pa; None stands for zero.
 
     density: of every cell of the domain, 0 where there is no fluid, kg/m^3.
+    filled: the fluid fills a domain without open sides.
     """
-    start = case.start.pressure
+    start = automatic_pressure(case, filled) if case.start.pressure == "auto" else case.start.pressure
     if start is None:
         return None
     if not isinstance(start, str):
@@ -134,6 +136,16 @@ def start_pressure(
         # dp = rho g . dx takes the pressure from the site to where the particle went.
         pressure += density[fluid.cells] * (fluid.shift @ gravity)
     return pressure
+
+
+def automatic_pressure(case: Case, filled: bool) -> Literal["hydrostatic"] | None:
+    """What `start.pressure: auto` comes to; see `Scheme.loaded_start`."""
+    closed = filled and not case.has_flow_through and len(case.phases) == 1
+    if not (closed and case.scheme.loaded_start):
+        return None
+    pulled = [g != 0 for g in vector_at(case.gravity)]
+    along_wall = not any(pulls and wraps for pulls, wraps in zip(pulled, case.periodic, strict=True))
+    return "hydrostatic" if any(pulled) and along_wall else None
 
 
 def hydrostatic_pressure(

@@ -45,6 +45,9 @@ class Scheme:
         summary: one line about it.
         numerics: model of the section `numerics` of its cases.
         mirrors_sides: walls at sides of the domain are mirror images of the fluid, not particles.
+        continues_sides: in a full domain without bodies its sides have a surface of their own, as bodies have.
+        loaded_start: one fluid that fills a closed domain starts with the pressure of its weight where the case leaves it
+            open: it would swing under it for long, and its upper half would be torn.
         printed_ratio: smoothing length over spacing of `formulation: paper`, or None for the usual one.
         usual_ratio: smoothing length over spacing that `auto` means otherwise, or None for that of the other schemes.
         ratios: the same by the dimension, where it depends on that.
@@ -69,6 +72,8 @@ class Scheme:
     summary: str
     numerics: type[NumericsBase]
     mirrors_sides: bool = False
+    continues_sides: bool = False
+    loaded_start: bool = False
     printed_ratio: float | None = None
     usual_ratio: float | None = None
     ratios: Mapping[int, float] = {}

@@ -88,7 +88,10 @@ def derive(case: Case, geometry: Geometry, row_list: bool) -> Physics:
     support = h * KERNELS[numerics.kernel].support
     scales, seen = flow_scales(case, geometry, np.zeros((1, 1)), filled)
     sound, warnings = sound_speeds(case, scales, seen, filled, [0.0])
-    viscous, fitted = phase.viscosity > 0, fitted_walls(case, geometry)
+    viscous = phase.viscosity > 0
+    # sides of a full domain are continued as bodies are; the printed scheme has cells
+    flat = filled and not paper and not case.bodies and geometry.surface is not None
+    fitted = flat or fitted_walls(case, geometry)
     choices["artificial"] = max(
         float(alpha) * h * sound[0] * phase.density / (2 * (case.dimension + 2)) - phase.viscosity, 0.0
     )
@@ -99,6 +102,7 @@ def derive(case: Case, geometry: Geometry, row_list: bool) -> Physics:
         periodic=tuple(case.periodic),
         walls=geometry.wall_count > 0,
         bodies=fitted,
+        flat_walls=flat,
         wall_sound=fitted and not rk4,  # whose walls are of the moment of each part of a step anyway
         tails=fitted and geometry.surface is not None and geometry.surface.frames.count > 0,
         wall_no_slip=viscous and bool((geometry.wall_slip[geometry.kind == 1] == 0).any()),

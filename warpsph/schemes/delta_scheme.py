@@ -32,6 +32,8 @@ class DeltaScheme(FlowThrough):
     numerics = DeltaNumerics
     usual_ratio = 2.0
     shifts = True
+    continues_sides = True
+    loaded_start = True
     follows_origins = True
     # velocity_old is of the wall stage, which knows schemes of two time levels, wall_impact of births
     work = LOAD_ARRAYS | {"velocity_old", "phase", "wall_impact"}

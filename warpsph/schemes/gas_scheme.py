@@ -73,8 +73,8 @@ class GasScheme(Scheme):
     def _check_start(self, case: Any) -> Iterator[Problem]:
         """Yield what is wrong with the state at time 0: a gas without pressure has no energy."""
         background = max(phase.background_pressure for phase in case.phases.values())
-        if isinstance(case.start.pressure, str) or (case.start.pressure is None and background == 0.0):
-            given = case.start.pressure if case.start.pressure is not None else "none"
+        given = "none" if case.start.pressure in (None, "auto") else case.start.pressure
+        if given == "hydrostatic" or (given == "none" and background == 0.0):
             rule = "is the pressure of the gas, which scheme: gas has to know everywhere"
             yield Problem("start.pressure", given, rule, "write a number or a formula in x, y, z, r")
 

@@ -26,7 +26,7 @@ SOON = 1.0e-6
 
 def given(case: Case) -> bool:
     """Return whether the start has a pressure of its own, so that nothing sets in at once."""
-    return case.start.pressure not in (None, "hydrostatic")
+    return case.start.pressure not in (None, "auto", "hydrostatic")
 
 
 def tension_onset(case: Case, geometry: Geometry, tension: np.ndarray) -> float:

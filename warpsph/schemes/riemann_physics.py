@@ -282,7 +282,7 @@ def needed_sound_speeds(
     velocity, length = scales["velocity"], scales["length"]
     largest = float(seen.max(initial=0.0))
     densest = max(case.phases[name].density for name in case.phase_names)
-    held = filled or case.start.pressure is not None
+    held = filled or case.start.pressure not in (None, "auto")
     result = []
     for name, pressure in zip(case.phase_names, seen, strict=True):
         phase = case.phases[name]

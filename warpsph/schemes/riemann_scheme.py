@@ -33,6 +33,7 @@ class RiemannScheme(FlowThrough):
     summary = "weakly compressible Riemann SPH, any number of phases"
     numerics = RiemannNumerics
     printed_ratio = 1.25
+    loaded_start = True
     follows_origins = True
     # the last of the wall stage, which knows schemes of two time levels
     work = LOAD_ARRAYS | {"velocity_old"}
