@@ -64,7 +64,7 @@ class Spec:
         interface_force: pair force that keeps phases apart.
         dissipation: the pressure difference enters the star velocity.
         inertia: it spares the pressure gradient that the acceleration tells, not that of gravity alone (riemann).
-        acoustic_damping: compression and expansion have a viscosity of their own.
+        acoustic_damping: compression and expansion have a viscosity of their own (riemann, delta_plus).
         disorder: disordered velocities have a friction that a smooth flow does not feel (riemann).
         relaxation: the pressure follows a compression in two parts, one of which fades, so that sound dies (riemann).
         free_surface: an axis is open, so that wall pressure never pulls.

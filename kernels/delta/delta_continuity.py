@@ -95,6 +95,7 @@ def make_delta_continuity(spec: Spec, flow_part: bool = True, slow_part: bool = 
         density_excess: wp.array(dtype=real),
         density_rate: wp.array(dtype=real),
         room_part: wp.array(dtype=real),
+        flow_rate: wp.array(dtype=real),
         carried: wp.array(dtype=vec),
         zone: wp.array(dtype=wp.int8),
     ):
@@ -177,6 +178,8 @@ def make_delta_continuity(spec: Spec, flow_part: bool = True, slow_part: bool = 
             if correctable and wp.determinant(m) > real(SMALLEST_MOMENT):
                 rate -= wp.trace(flow * wp.inverse(m)) - wp.trace(flow)
         total = (real(1.0) + s_i) * rate
+        if wp.static(spec.acoustic_damping and flow_part):
+            flow_rate[i] = total * params.g_norm
         if wp.static(diffuses):
             own = phases[0]
             total -= real(2.0) * density_diffusion * params.h * own.sound_speed * own.compressibility * pairs.evening

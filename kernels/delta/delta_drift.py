@@ -13,7 +13,8 @@ import warp as wp
 from warpsph.kernels.core.clock import EXCESS_PRESSURE, LAST_STEP, MAXIMA, RUNAWAY, STEP
 from warpsph.kernels.core.eos import make_eos
 from warpsph.kernels.core.fields import FLUID, NOBODY
-from warpsph.kernels.core.params import LEAST_DENSITY, make_phase
+from warpsph.kernels.core.params import LEAST_DENSITY, make_params, make_phase
+from warpsph.kernels.core.sound_damping import make_damping
 from warpsph.kernels.core.spec import Spec, types_of
 
 
@@ -87,17 +88,21 @@ def make_delta_state(spec: Spec) -> Any:
     there.
     """
     real, vec, _, pair = types_of(spec)
+    Params = make_params(spec.dimension, spec.precision)
     Phase = make_phase(spec.precision)
     eos = make_eos(spec.precision)
+    damping = make_damping(spec)
     carries = spec.shift_form == "consistent"
 
     @wp.kernel(module="unique", enable_backward=False)
     def delta_state(
         first: int,
         closing: int,
+        params: Params,
         clock: wp.array(dtype=wp.float64),
         phases: wp.array(dtype=Phase),
         density_rate: wp.array(dtype=real),
+        flow_rate: wp.array(dtype=real),
         carried: wp.array(dtype=vec),
         rest_volume: wp.array(dtype=real),
         wholeness: wp.array(dtype=real),
@@ -120,7 +125,10 @@ def make_delta_state(spec: Spec) -> Any:
         if wp.static(spec.free_surface):
             wholeness_old[i] = wholeness[i]
         own = phases[0]
-        state[i] = pair(eos(s, own.stiffness, own.gamma) + own.background, rest_volume[i] / (real(1.0) + s))
+        p = eos(s, own.stiffness, own.gamma) + own.background
+        if wp.static(spec.acoustic_damping):
+            p += damping(flow_rate[i], params, own)
+        state[i] = pair(p, rest_volume[i] / (real(1.0) + s))
 
     return delta_state
 

@@ -18,6 +18,7 @@ from warpsph.kernels.core.fields import FLUID
 from warpsph.kernels.core.pair import NEAR, WRAPPED, list_access, look_ahead, make_at, separation_of
 from warpsph.kernels.core.params import make_params, make_phase
 from warpsph.kernels.core.smoothing import make_smoothing
+from warpsph.kernels.core.sound_damping import make_damping
 from warpsph.kernels.core.spec import Spec, curvature_type, pair_sweep, types, types_of
 from warpsph.kernels.core.time_signals import GRAVITY_NOW, make_forcing
 from warpsph.kernels.core.viscosity import make_interface_stress
@@ -30,7 +31,6 @@ from .own_pairs import make_own_rates
 from .star import make_carried, make_jump, make_star
 
 PRESSED = 1.1  # density over that at rest from which on the impedance follows it
-LOUDEST = 0.01  # of rho c^2, the pressure of compression that sound speeds are made for: damping goes up to it
 SPARSE = 0.4  # of the dimension, which -sum F V r^2 is inside a fluid: fewer neighbours than a particle on a surface has
 STIFFEST = 1.5  # rate, over a step, at which the pressure of a particle may follow that of its neighbours
 
@@ -82,23 +82,6 @@ def make_hardening(precision: str) -> Any:
         return hardened, softened
 
     return hardening
-
-
-@functools.cache
-def make_damping(spec: Spec) -> Any:
-    """Return the `wp.func` damping(rate of the density excess, params, phase): the pressure that damps sound [Pa]."""
-    real = types_of(spec).real
-    Params = make_params(spec.dimension, spec.precision)
-    Phase = make_phase(spec.precision)
-
-    @wp.func
-    def damping(rate: real, params: Params, own: Phase):
-        if wp.static(not spec.acoustic_damping):
-            return real(0.0)
-        loudest = real(LOUDEST) * own.impedance * own.sound_speed
-        return wp.clamp(params.damping * params.h * own.impedance * rate, -loudest, loudest)
-
-    return damping
 
 
 @functools.cache

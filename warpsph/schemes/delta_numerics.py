@@ -88,6 +88,11 @@ class DeltaNumerics(NumericsBase):
         "pairs then exchange no momentum. auto: true with a free surface (paper: true)",
         examples=["true"],
     )
+    acoustic_damping: Annotated[float | Auto, NumberRule(least=0, most=0.5, auto=True)] = Field(
+        default="auto",
+        description="bulk viscosity over rho c h: damps sound, leaves other flow alone. auto: 0.25, 0 with rk4 (paper: 0)",
+        examples=["0.25"],
+    )
     artificial_viscosity: Annotated[float | Auto, NumberRule(least=0, most=1, auto=True)] = Field(
         default="auto",
         description="factor alpha of a friction between fluid particles, as viscosity alpha h c rho/(2 (d + 2)) less that "

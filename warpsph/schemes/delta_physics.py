@@ -25,6 +25,7 @@ DIFFUSION = 0.1
 # A of the shift: 2 is that of Sun et al. 2017 and 2019, which leaves vortices that begin on a lattice disordered.
 SHIFTING, PRINTED_SHIFTING = 8.0, 2.0
 ROOM_RATE = 2.0
+DAMPING = 0.25  # of sound, its bulk viscosity over rho c h; half and double: docs/theory/constants.md
 ALPHA = 0.02  # artificial viscosity of inviscid flow with a free surface (Antuono et al. 2010)
 
 
@@ -79,6 +80,11 @@ def derive(case: Case, geometry: Geometry, row_list: bool) -> Physics:
     room = choose("room_rate", 0.0 if paper or closed else ROOM_RATE, reason)
     reason = "printed form" if paper else "pairs exchange momentum" if filled else "particles under tension do not clump"
     control = choose("tension_control", paper or not filled, reason)
+    reason = "printed form" if paper else "rk4 knows none" if rk4 else "sound of splashes and starts dies out"
+    damping = float(choose("acoustic_damping", 0.0 if paper or rk4 else DAMPING, reason))
+    if rk4 and damping > 0:
+        rule = "is a pressure of the last divergence, which integrator: rk4 has none of at its stages"
+        raise CaseError([Problem("numerics.acoustic_damping", damping, rule, "write auto or 0, or integrator: leapfrog")])
     alpha = choose("artificial_viscosity", 0.0 if filled else ALPHA, "no free surface" if filled else "a free surface")
     choose("skin", case.scheme.skin, "measured optimum of sweeps and rebuilds")
     choices["kernel"] = numerics.kernel
@@ -118,6 +124,7 @@ def derive(case: Case, geometry: Geometry, row_list: bool) -> Physics:
         scheme="delta_plus",
         density_diffusion=float(diffusion) > 0,
         exact_divergence=bool(exact),
+        acoustic_damping=damping > 0,
         tension_control=bool(control),
         volume_constraint=bool(held),
         room=float(room) > 0,

@@ -186,6 +186,8 @@ def absent(spec: Spec) -> list[Absent]:
     if not spec.artificial_viscosity:
         reason = "no free surface, enough viscosity, or numerics.artificial_viscosity is 0"
         rows.append(Absent("artificial viscosity", reason))
+    if not spec.acoustic_damping:
+        rows.append(Absent("acoustic damping", "numerics.acoustic_damping is 0"))
     if not spec.gravity:
         rows.append(Absent("gravity", "gravity is zero"))
     if not spec.body_force:

@@ -106,6 +106,7 @@ class DeltaScheme(FlowThrough):
         ratio = physics.h / case.spacing
         params.shifting = float(choices["shifting"])
         params.shift_cap = SHIFT_CAP / ratio
+        params.damping = float(choices["acoustic_damping"])
         if physics.spec.room:
             params.room = float(choices["room_rate"])
         shape, _ = make_smoothing(physics.spec.kernel, "float64")
