@@ -11,7 +11,6 @@ from typing import Any
 import warp as wp
 
 from .spec import Spec, curvature_type, origins_type, phase_types_of, types_of
-from .wall_share import marks_sides
 
 NOBODY, FLUID, BUFFER = 0, 1, 2  # of `zone`; BUFFER + k is the buffer of the open side k
 
@@ -33,7 +32,7 @@ def walls(spec: Spec) -> bool:
 
 def known_sides(spec: Spec) -> bool:
     """Runs in which wall particles know the sides of the domain that they are behind."""
-    return spec.varying_sides or marks_sides(spec)
+    return spec.varying_sides or spec.own_sides
 
 
 def no_slip(spec: Spec) -> bool:

@@ -39,6 +39,7 @@ class Spec:
         bodies: some walls have a surface of their own, see `wall_fit`.
         tails: some bodies have thin tails, whose two sides do not see each other, see `visibility`.
         flat_walls: all walls with a surface of their own are sides of the domain.
+        own_sides: sides of the domain have their own velocity in continuity, where bodies may not (riemann, delta_plus).
         wall_sound: beside such walls, sound would grow without the measures of `wall_fit`.
         wall_no_slip: some wall exerts viscous friction (then `viscosity` is not "none").
         viscosity: "none", "morris", "radial", "isotropic" or "paper".
@@ -109,6 +110,7 @@ class Spec:
     bodies: bool = False
     tails: bool = False
     flat_walls: bool = False
+    own_sides: bool = False
     wall_sound: bool = False
     wall_no_slip: bool = False
     viscosity: str = "none"

@@ -5,16 +5,8 @@ from typing import Any
 
 import warp as wp
 
-from .spec import Spec
-
 LEAST_SHARE = 0.25  # in a right-angled corner whose two faces a particle touches
 PARALLEL = 1.0 - 1.0e-6  # cosine from which on normals are those of one plane: rounding, or a thousand supports of radius
-
-
-def marks_sides(spec: Spec) -> bool:
-    """In the full domain of one fluid sides have their own velocity in continuity where bodies may not."""
-    alone = not (spec.multiphase or spec.free_surface or spec.flat_walls)
-    return spec.bodies and spec.wall_no_slip and alone and spec.scheme in ("riemann", "delta_plus")
 
 
 @functools.cache

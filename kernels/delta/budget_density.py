@@ -15,7 +15,7 @@ from warpsph.kernels.core.pair import WRAPPED, list_access, separation_of
 from warpsph.kernels.core.params import make_params, make_phase
 from warpsph.kernels.core.smoothing import make_smoothing
 from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, types_of
-from warpsph.kernels.core.wall_share import LEAST_SHARE, make_slides, marks_sides
+from warpsph.kernels.core.wall_share import LEAST_SHARE, make_slides
 
 from .delta_continuity import SMALLEST_MOMENT, continues_flow
 from .delta_momentum import make_driving_force
@@ -36,7 +36,7 @@ def make_budget_density(spec: Spec) -> Any:
     eos = make_eos(spec.precision)
     driving_force = make_driving_force(spec)
     carries, continued = spec.shift_form == "consistent", continues_flow(spec)
-    slides_at = make_slides(marks_sides(spec))
+    slides_at = make_slides(spec.own_sides)
 
     @wp.kernel(module="unique", enable_backward=False, module_options=SWEEP_OPTIONS)
     def budget_density(

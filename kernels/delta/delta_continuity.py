@@ -30,7 +30,7 @@ from warpsph.kernels.core.pair import WRAPPED, list_access, make_at, separation_
 from warpsph.kernels.core.params import make_params, make_phase
 from warpsph.kernels.core.smoothing import make_smoothing
 from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, types_of
-from warpsph.kernels.core.wall_share import LEAST_SHARE, make_slides, marks_sides
+from warpsph.kernels.core.wall_share import LEAST_SHARE, make_slides
 
 from .fluid_pairs import make_rate_sums
 
@@ -61,7 +61,7 @@ def make_delta_continuity(spec: Spec, flow_part: bool = True, slow_part: bool = 
     carries = spec.shift_form == "consistent" and slow_part
     diffuses = spec.density_diffusion and slow_part
     exact, roomy = spec.exact_divergence and flow_part, spec.room and flow_part
-    continued, slides_at = continues_flow(spec), make_slides(marks_sides(spec))
+    continued, slides_at = continues_flow(spec), make_slides(spec.own_sides)
     sparse = SPARSE * spec.dimension
 
     @wp.kernel(module="unique", enable_backward=False, module_options=SWEEP_OPTIONS)

@@ -9,7 +9,7 @@ from warpsph.kernels.core.pair import list_access, separation_of
 from warpsph.kernels.core.params import make_params
 from warpsph.kernels.core.smoothing import make_smoothing
 from warpsph.kernels.core.spec import Spec, types_of
-from warpsph.kernels.core.wall_share import LEAST_SHARE, PARALLEL, make_slides, marks_sides
+from warpsph.kernels.core.wall_share import LEAST_SHARE, PARALLEL, make_slides
 
 SMALLEST_MOMENT = 0.1  # determinant below which a neighbourhood is too thin to correct
 
@@ -39,7 +39,7 @@ def make_body_flow(spec: Spec) -> Any:
     _, slope = make_smoothing(spec.kernel, spec.precision)
     separation = separation_of(spec)
     _, _, neighbour, Listed = list_access(spec)
-    slide, slides_at = shares(spec), make_slides(marks_sides(spec))
+    slide, slides_at = shares(spec), make_slides(spec.own_sides)
 
     @wp.func
     def with_bodies(

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 import warpsph
-from warpsph.kernels.core.wall_share import marks_sides
 from warpsph.running.model import Model
 from warpsph.scene.start_fluid import automatic_pressure
 
@@ -105,13 +104,12 @@ def test_which_walls_are_marked():
         return ran(CAVITY, changes, 0.0).physics.spec
 
     block = "bodies={block: {shape: {box: {lower: [-0.1, -0.1], upper: [0.1, 0.06]}}}}"
-    assert marks_sides(spec([block, "numerics.scheme=delta_plus"])) and marks_sides(spec([block]))
+    assert spec([block, "numerics.scheme=delta_plus"]).own_sides and spec([block]).own_sides
     alone = spec(["numerics.scheme=delta_plus"])
-    assert alone.flat_walls and not marks_sides(alone)
-    assert not marks_sides(spec([block, "numerics.scheme=isph"]))
-    assert not marks_sides(spec([block, "phases.water.viscosity=0"]))
-    surface = [block, "fluids.0.shape={box: {lower: [0, 0], upper: [1, 0.5]}}"]
-    assert not marks_sides(spec(surface))
+    assert alone.flat_walls and not alone.own_sides
+    assert not spec([block, "numerics.scheme=isph"]).own_sides
+    assert not spec([block, "phases.water.viscosity=0"]).own_sides
+    assert not spec([block, "fluids.0.shape={box: {lower: [0, 0], upper: [1, 0.5]}}"]).own_sides
 
 
 # a start under weight ---------------------------------------------------------------------------------------

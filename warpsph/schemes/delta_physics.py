@@ -95,6 +95,7 @@ def derive(case: Case, geometry: Geometry, row_list: bool) -> Physics:
     scales, seen = flow_scales(case, geometry, np.zeros((1, 1)), filled)
     sound, warnings = sound_speeds(case, scales, seen, filled, [0.0])
     viscous = phase.viscosity > 0
+    sticky = viscous and bool((geometry.wall_slip[geometry.kind == 1] == 0).any())
     # sides of a full domain are continued as bodies are; the printed scheme has cells
     flat = filled and not paper and not case.bodies and geometry.surface is not None
     fitted = flat or fitted_walls(case, geometry)
@@ -109,9 +110,10 @@ def derive(case: Case, geometry: Geometry, row_list: bool) -> Physics:
         walls=geometry.wall_count > 0,
         bodies=fitted,
         flat_walls=flat,
+        own_sides=sticky and fitted and filled and not flat,
         wall_sound=fitted and not rk4,  # whose walls are of the moment of each part of a step anyway
         tails=fitted and geometry.surface is not None and geometry.surface.frames.count > 0,
-        wall_no_slip=viscous and bool((geometry.wall_slip[geometry.kind == 1] == 0).any()),
+        wall_no_slip=sticky,
         viscosity=str(form) if viscous else "none",
         gravity=bool(np.any(forcing.hydrostatic() != 0)),
         body_force=bool(np.any(forcing.driving() != 0)),

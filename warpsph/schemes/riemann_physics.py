@@ -206,6 +206,7 @@ def derive(case: Case, geometry: Geometry, row_list: bool = True) -> Physics:
         periodic=tuple(case.periodic),
         walls=geometry.wall_count > 0,
         bodies=fitted,
+        own_sides=fitted and sticky and filled and len(phases) == 1,
         wall_sound=fitted and corrected and len(phases) == 1,
         tails=fitted and geometry.surface is not None and geometry.surface.frames.count > 0,
         wall_no_slip=sticky,
