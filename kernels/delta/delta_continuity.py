@@ -6,14 +6,16 @@
 D compares pressures and not densities: the same where pressure is proportional to s, and zero for a linear pressure with any
 equation of state. G is the corrected pressure gradient of the last momentum sweep. Positions are those in the middle of
 the step. Walls take part in the first sum alone: what their pressure misses would be a source of volume beside them. Bodies
-that the fluid slides along have their own velocity there, under a free surface all bodies: the rate is that of a sum over
-places, which returns the work that it takes. In a full domain it is divided by the share that it has of a compression
-along the normal, and those that the fluid sticks to continue the flow (theory: delta#d6).
+that the fluid slides along have their own velocity there, sides of a full domain beside them, and under a free surface all
+bodies: the rate is that of a sum over places, which returns the work that it takes. In a full domain it is divided by the
+share that it has of a compression along the normal, and bodies that the fluid sticks to go on with the flow (theory:
+delta#d6).
 
 In a domain that is full the divergence is exact for linear velocities, tr(sum_j (v_j - v_i) (x) grad_i W V_j M_i^-1), but
 beside walls along which the velocity jumps: what a strained arrangement makes of a divergence has one sign, and would raise
 the pressure of the whole domain. In any other, and between inlets and outlets, the density follows the room of the
 particles, away from free surfaces, as fast as the fluid is strained (theory: delta#d8).
+What the velocities make of the rate is kept for the pressure that damps sound (theory: riemann#damping).
 Where no whole particle is in reach the fluid is thinner than the kernel: it has no pressure (theory: delta#thin).
 """
 
