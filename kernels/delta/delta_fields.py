@@ -72,7 +72,7 @@ DELTA_FIELDS: tuple[Field, ...] = (
     Field("midway", "vec", "fluid", False, always, "m", "position in the middle of the step, for the continuity sweep"),
     Field("density_rate", "real", "fluid", False, always, "1/s", "of the density excess"),
     Field("room_part", "real", "fluid", False, _room, "1/s", "part of it that holds it to the room of the particles"),
-    Field("flow_rate", "real", "fluid", True, _damping, "1/s", "of the density excess by the divergence of the velocity"),
+    Field("flow_rate", "real", "fluid", False, _damping, "1/s", "of the density excess by the divergence of the velocity"),
     Field("slow_rate", "real", "fluid", False, _runge_kutta, "1/s", "part of it that is taken once a step"),
     Field("pressure_gradient", "vec", "fluid", True, _diffusion, "Pa/m", "corrected gradient of the last momentum sweep"),
     Field("pressure_sign", "int8", "fluid", True, _control, "-", "-1 where the own pressure acts by differences, else 1"),
