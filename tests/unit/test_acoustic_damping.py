@@ -92,3 +92,19 @@ def test_runge_kutta_and_the_printed_form_have_none():
     assert choice({"numerics.integrator": "rk4"}) == choice({"numerics.formulation": "paper"}) == 0.0
     with pytest.raises(CaseError, match="rk4"):
         choice({"numerics.integrator": "rk4", "numerics.acoustic_damping": 0.25})
+
+
+@pytest.mark.parametrize(("damping", "bears", "fails"), [(0.0, 1.7, 1.8), (0.25, 1.5, 1.6), (0.5, 1.3, 1.4)])
+def test_what_courant_number_damping_leaves(damping, bears, fails):
+    """(1.136 C)^2 + 2.6 alpha C = 4 at 1.76, 1.53, 1.33: sound of the shortest waves on even rows (theory: delta#d1)."""
+
+    def largest(courant):
+        start = {"pressure": "1e-3*cos(24*pi*x) + 1e-3*cos(12*pi*y)"}
+        numerics = {"scheme": "delta_plus", "courant": courant, "acoustic_damping": damping}
+        numerics |= {"density_diffusion": 0, "shifting": 0}
+        model = Model(Case.from_dict(BOX | {"start": start, "numerics": numerics, "precision": "float64"}), threads=1)
+        model.stepper.prepare(fresh=True)
+        model.stepper.run(1e9, 300)
+        return float(np.abs(model.particles.get("density_excess")[: model.particles.fluid_count]).max())
+
+    assert largest(bears) < 1e-4 < 1e-3 < largest(fails)
