@@ -15,7 +15,7 @@ from warpsph.kernels.core.pair import WRAPPED, list_access, separation_of
 from warpsph.kernels.core.params import make_params, make_phase
 from warpsph.kernels.core.smoothing import make_smoothing
 from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, types_of
-from warpsph.kernels.core.wall_share import LEAST_SHARE, make_slides
+from warpsph.kernels.core.wall_share import LEAST_SHARE, make_cell_rate, make_slides
 
 from .delta_continuity import SMALLEST_MOMENT, continues_flow
 from .delta_momentum import make_driving_force
@@ -36,7 +36,7 @@ def make_budget_density(spec: Spec) -> Any:
     eos = make_eos(spec.precision)
     driving_force = make_driving_force(spec)
     carries, continued = spec.shift_form == "consistent", continues_flow(spec)
-    slides_at = make_slides(spec.own_sides)
+    slides_at, with_cells = make_slides(spec.own_sides), make_cell_rate(spec)
 
     @wp.kernel(module="unique", enable_backward=False, module_options=SWEEP_OPTIONS)
     def budget_density(
@@ -132,18 +132,19 @@ def make_budget_density(spec: Spec) -> Any:
                         if not slides:
                             dv = vi - mirror_velocity[w]
                     correctable = correctable and (not slides or f == real(0.0))
-                    if wp.static(not spec.free_surface):
-                        if slides:
-                            share += wall_depth[w] * wp.dot(wall_normal[w], fd) * params.g_norm
+                    if slides:
+                        share += wall_depth[w] * wp.dot(wall_normal[w], fd) * params.g_norm
                     at_walls += wp.dot(dv, fd)
                     if wp.static(spec.exact_divergence):
                         flow -= wp.outer(dv, fd)
                         moment -= wp.outer(d, fd)
                 else:
                     correctable = False
-                    at_walls += real(2.0) * f * params.wall_volume * wp.dot(vi - velocity[j], d)
-        if wp.static(spec.bodies and not spec.free_surface):
+        if wp.static(spec.bodies):
             at_walls += (rate + at_walls) * (real(1.0) / wp.max(share, real(LEAST_SHARE)) - real(1.0))
+        elif wp.static(spec.walls):
+            k = end - int(wall_neighbours[i]) * step
+            at_walls = with_cells(rate, i, k, end, step, wrapped, xi, vi, params, neighbours, position, velocity) - rate
         correction = real(0.0)
         if wp.static(spec.exact_divergence):
             m = moment * params.g_norm

@@ -32,7 +32,7 @@ from warpsph.kernels.core.pair import WRAPPED, list_access, make_at, separation_
 from warpsph.kernels.core.params import make_params, make_phase
 from warpsph.kernels.core.smoothing import make_smoothing
 from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, types_of
-from warpsph.kernels.core.wall_share import LEAST_SHARE, make_slides
+from warpsph.kernels.core.wall_share import LEAST_SHARE, make_cell_rate, make_slides
 
 from .fluid_pairs import make_rate_sums
 
@@ -64,7 +64,7 @@ def make_delta_continuity(spec: Spec, flow_part: bool = True, slow_part: bool = 
     diffuses = spec.density_diffusion and slow_part
     exact, roomy = spec.exact_divergence and flow_part, spec.room and flow_part
     continued, slides_at = continues_flow(spec), make_slides(spec.own_sides)
-    sparse = SPARSE * spec.dimension
+    with_cells, sparse = make_cell_rate(spec), SPARSE * spec.dimension
 
     @wp.kernel(module="unique", enable_backward=False, module_options=SWEEP_OPTIONS)
     def delta_continuity(
@@ -156,25 +156,25 @@ def make_delta_continuity(spec: Spec, flow_part: bool = True, slow_part: bool = 
                         if not slides:
                             dv = vi - mirror_velocity[w]
                     correctable = correctable and (not slides or f == real(0.0))
-                    if wp.static(not spec.free_surface):
-                        if slides:
-                            share += wall_depth[w] * wp.dot(wall_normal[w], fd) * params.g_norm
+                    if slides:
+                        share += wall_depth[w] * wp.dot(wall_normal[w], fd) * params.g_norm
                     rate += wp.dot(dv, fd)
                     if wp.static(exact):
                         flow -= wp.outer(dv, fd)
                         moment -= wp.outer(d, fd)
                 else:
-                    correctable = False  # the image of a velocity along a wall is not that of a linear field
-                    # the mirror image of the particle has 2 v_w - v_i, which holds the velocity of the wall at its surface
-                    rate += real(2.0) * f * params.wall_volume * wp.dot(vi - at_vec(velocity, j), d)
+                    correctable = False  # the velocity of a wall is not that of a linear field
         elif wp.static(spec.walls and carries):
             end += int(wall_neighbours[i]) * step
             while k < end:
                 d = separation(xi, position[neighbour(neighbours, i, k)], wrapped, params)
                 beside = beside or slope(wp.length(d) * params.inv_h) < real(0.0)
                 k += step
-        if wp.static(spec.bodies and not spec.free_surface):
+        if wp.static(spec.bodies and flow_part):
             rate /= wp.max(share, real(LEAST_SHARE))
+        elif wp.static(spec.walls and flow_part):
+            at_walls = end - int(wall_neighbours[i]) * step
+            rate = with_cells(rate, i, at_walls, end, step, wrapped, xi, vi, params, neighbours, position, velocity)
         if wp.static(exact):
             m = moment * params.g_norm
             if correctable and wp.determinant(m) > real(SMALLEST_MOMENT):

@@ -1,4 +1,4 @@
-"""What walls with a surface of their own add to the continuity sweep (theory: riemann#bodies)."""
+"""What walls with a surface of their own add to the continuity sweep (theory: riemann#bodies, delta#d6)."""
 
 import functools
 from typing import Any
@@ -14,22 +14,16 @@ from warpsph.kernels.core.wall_share import LEAST_SHARE, PARALLEL, make_slides
 SMALLEST_MOMENT = 0.1  # determinant below which a neighbourhood is too thin to correct
 
 
-def shares(spec: Spec) -> bool:
-    """One fluid in a full domain: where it slides along bodies these have their own velocity, and continuity a share."""
-    return spec.bodies and not spec.multiphase and not spec.free_surface
-
-
 @functools.cache
 def make_body_flow(spec: Spec) -> Any:
-    """Return the `wp.func` with_bodies(rate of the fluid, ...): the rate of continuity with what wall neighbours make of it.
+    """Return the `wp.func` with_bodies(rate of the fluid, ...): the rate of continuity beside walls with a surface.
 
-    Without bodies it is never called. Their velocity is the mirrored one; for several fluids it is that of the one-sided
-    Riemann problem of each, in which the wall moves at u*. One fluid that fills its domain and slides along a wall has the
-    wall's own velocity there, and the rate is divided by its share of a compression along the normal (theory: delta#d6);
-    before a plane what runs along it has no part: all that the sum has of it is how the wall's particles lie.
+    They have their own velocity, and the rate is divided by its share of a compression along the normal (theory: delta#d6).
+    Before a plane what runs along it has no part: all that the sum has of it is how the wall's particles lie. In one fluid
+    that fills its domain, bodies that it sticks to have the velocity of the flow that is continued into them.
 
     With the corrected gradient the rate also takes out what the arrangement of all neighbours makes of a linear velocity
-    without divergence, but beside walls that the fluid slides along, where velocities jump. Pressure differences are those
+    without divergence, but beside walls with their own velocity, where velocities jump. Pressure differences are those
     of the fluid alone: one with a wall would be continued along the fit, and not evened (docs/records/walls.md#first-row).
     Arguments that are not those of the sweep: `flow` and `moment`, the sums of (v_j - v_i) (x) F V x_ij and
     -x_ij (x) F V x_ij over the fluid.
@@ -39,7 +33,8 @@ def make_body_flow(spec: Spec) -> Any:
     _, slope = make_smoothing(spec.kernel, spec.precision)
     separation = separation_of(spec)
     _, _, neighbour, Listed = list_access(spec)
-    slide, slides_at = shares(spec), make_slides(spec.own_sides)
+    continued = spec.wall_no_slip and not (spec.multiphase or spec.free_surface)
+    slides_at = make_slides(spec.own_sides)
 
     @wp.func
     def with_bodies(
@@ -81,26 +76,23 @@ def make_body_flow(spec: Spec) -> Any:
             w = j - fluid_rows
             d = separation(xi, position[j], wrapped, params)
             f = slope(wp.length(d) * params.inv_h) * boundary_volume[w]
-            slides = bool(False)
-            if wp.static(slide):
-                slides = f < real(0.0)
-                if wp.static(spec.wall_no_slip):
-                    slides = slides and slides_at(w, slip, wall_sides)
-                if slides:
-                    normal = wall_normal[w]
-                    meets = wp.dot(normal, f * d)
-                    share += wall_depth[w] * meets * params.g_norm
-                    if not sliding:
-                        first_normal = normal
-                    plane = plane and wp.dot(normal, first_normal) > real(PARALLEL)
-                    sliding = True
-                    along += wp.dot(vi - velocity[j], f * d)
-                    across += wp.dot(vi - velocity[j], normal) * meets
-            if not slides:
+            slides = f < real(0.0)
+            if wp.static(continued):
+                slides = slides and slides_at(w, slip, wall_sides)
+            if slides:
+                normal = wall_normal[w]
+                meets = wp.dot(normal, f * d)
+                share += wall_depth[w] * meets * params.g_norm
+                if not sliding:
+                    first_normal = normal
+                plane = plane and wp.dot(normal, first_normal) > real(PARALLEL)
+                sliding = True
+                along += wp.dot(vi - velocity[j], f * d)
+                across += wp.dot(vi - velocity[j], normal) * meets
+            if wp.static(continued):
                 mirrored = mirror_velocity[w]
-                if wp.static(spec.multiphase):
-                    mirrored = real(2.0) * velocity[j] - vi
-                rate += f * wp.dot(vi - mirrored, d)
+                if not slides:
+                    rate += f * wp.dot(vi - mirrored, d)
                 if wp.static(spec.corrected):
                     wall_flow += wp.outer(mirrored - vi, f * d)
                     wall_moment -= wp.outer(d, f * d)

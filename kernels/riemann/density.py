@@ -2,6 +2,7 @@
 
     ds_i/dt = 2 (1+s_i) sum_j (v_i - v*_ij).grad_i W V_j,   s = rho/rho0 - 1
 
+Walls have their own velocity, and the rate is divided by the share that it has of a compression (theory: delta#d6).
 Beside bodies in filled scenes (`linear`) it is exact for a linear velocity and pressure on any arrangement.
 
 Where sound is damped the pressure has alpha rho0 c h times that rate, less what pressure differences have in it.
@@ -22,8 +23,9 @@ from warpsph.kernels.core.sound_damping import make_damping
 from warpsph.kernels.core.spec import Spec, curvature_type, pair_sweep, types, types_of
 from warpsph.kernels.core.time_signals import GRAVITY_NOW, make_forcing
 from warpsph.kernels.core.viscosity import make_interface_stress
+from warpsph.kernels.core.wall_share import make_cell_rate
 
-from .body_flow import make_body_flow, shares
+from .body_flow import make_body_flow
 from .disorder import make_disorder_due, make_disorder_friction
 from .interface_flow import make_density_between
 from .meeting_phases import make_parts_jump
@@ -175,7 +177,7 @@ def make_continuity(spec: Spec) -> Any:
     _, stress_jump = make_interface_stress(spec.dimension, spec.precision)
     (followed, remembered), (due_now, _) = make_remembered(spec), make_disorder_due(spec)
     (_, own_rates), uneven = make_own_rates(spec), make_disorder_friction(spec)
-    with_bodies, shared, evenly = make_body_flow(spec), shares(spec), make_evenly(spec)
+    with_bodies, with_cells, evenly = make_body_flow(spec), make_cell_rate(spec), make_evenly(spec)
 
     @wp.kernel(**pair_sweep(spec))
     def continuity(
@@ -304,19 +306,14 @@ def make_continuity(spec: Spec) -> Any:
             pressure_gradient, inertia)  # fmt: skip
         k = end
         rate += own_pairs.rate
-        if wp.static(spray or damps or shared):
+        if wp.static(spray or damps or spec.walls):
             blur += own_pairs.blur
         else:
             rate += own_pairs.blur
         if wp.static(spec.walls):
             end += int(wall_neighbours[i]) * step
         if wp.static(spec.walls and not spec.bodies):
-            # one-sided Riemann problem: the mirrored state makes u* the wall velocity, no pressure difference left
-            while k < end:
-                j = neighbour(neighbours, i, k)
-                k += step
-                d = separation(xi, at_vec(position, j), wrapped, params)
-                rate += real(2.0) * slope(wp.length(d) * params.inv_h) * params.wall_volume * wp.dot(vi - velocity[j], d)
+            rate = with_cells(rate, i, k, end, step, wrapped, xi, vi, params, neighbours, position, velocity)
         if wp.static(spec.bodies):
             rate = with_bodies(
                 rate, i, k, end, step, particle_count, wrapped, near, xi, vi, own_pairs.flow, own_pairs.moment, params,

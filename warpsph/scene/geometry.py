@@ -204,7 +204,7 @@ def build(case: Case, support: float, unlock: float = 0.0, arrange: Arrange | No
     if arrangement == "lattice":
         of_region = np.bincount(region[fluid.cells], weights=volume[:fluids], minlength=len(case.fluids))
         warnings += rounded_volumes(case, regions, np.asarray(of_region, np.float64))
-    continued = filled and case.scheme.continues_sides and walls.count > 0
+    continued = case.scheme.continues_sides and walls.count > 0
     surface = walls.surface() if case.bodies or continued else None
     if surface is not None:
         volume[fluids:] = surface.volume

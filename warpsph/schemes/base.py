@@ -45,7 +45,7 @@ class Scheme:
         summary: one line about it.
         numerics: model of the section `numerics` of its cases.
         mirrors_sides: walls at sides of the domain are mirror images of the fluid, not particles.
-        continues_sides: in a full domain without bodies its sides have a surface of their own, as bodies have.
+        continues_sides: without bodies the sides of the domain have a surface of their own, as bodies have.
         loaded_start: one fluid that fills a closed domain starts with the pressure of its weight where the case leaves it
             open: it would swing under it for long, and its upper half would be torn.
         printed_ratio: smoothing length over spacing of `formulation: paper`, or None for the usual one.

@@ -96,8 +96,8 @@ def derive(case: Case, geometry: Geometry, row_list: bool) -> Physics:
     sound, warnings = sound_speeds(case, scales, seen, filled, [0.0])
     viscous = phase.viscosity > 0
     sticky = viscous and bool((geometry.wall_slip[geometry.kind == 1] == 0).any())
-    # sides of a full domain are continued as bodies are; the printed scheme has cells
-    flat = filled and not paper and not case.bodies and geometry.surface is not None
+    # sides of the domain are continued as bodies are; the printed scheme has cells
+    flat = not paper and not case.bodies and geometry.surface is not None
     fitted = flat or fitted_walls(case, geometry)
     choices["artificial"] = max(
         float(alpha) * h * sound[0] * phase.density / (2 * (case.dimension + 2)) - phase.viscosity, 0.0
