@@ -39,7 +39,7 @@ def make_slides(marked: bool) -> Any:
 def make_cell_rate(spec: Spec) -> Any:
     """Return the `wp.func` with_cells(rate of the fluid, ...): the rate of continuity beside walls of whole cells.
 
-    (sum_f + sum_w) (v_i - v).grad_i W V / (1 - sum_w W V), with the velocity of the wall itself. Rates lack the factor g_norm.
+    (sum_f + sum_w) (v_i - v).grad_i W V / (1 - sum_w W V), with the velocity of the wall itself. Rates lack `g_norm`.
     """
     real, vec, _, _ = types_of(spec)
     Params, separation, at_vec = make_params(spec.dimension, spec.precision), separation_of(spec), make_at(vec)

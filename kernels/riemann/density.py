@@ -166,7 +166,7 @@ def make_continuity(spec: Spec) -> Any:
     real, vec, mat, pair = types_of(spec)
     Params, Phase = make_params(spec.dimension, spec.precision), make_phase(spec.precision)
     eos, slope = make_eos(spec.precision), make_smoothing(spec.kernel, spec.precision)[1]
-    (list_begin, list_step, neighbour, Listed), (look, taken, onward) = list_access(spec), look_ahead(spec)
+    (list_begin, list_step, _, Listed), (look, taken, onward) = list_access(spec), look_ahead(spec)
     (star_velocity, _), density_between = make_star(spec.precision, spec.paper_star), make_density_between(spec)
     laplace_jump, carried = make_jump(spec.precision), make_carried(spec.dimension, spec.precision)
     parts_jump, curved, damps = make_parts_jump(spec), curvature_type(spec), spec.acoustic_damping
