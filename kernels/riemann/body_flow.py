@@ -14,6 +14,11 @@ from warpsph.kernels.core.wall_share import LEAST_SHARE, PARALLEL, make_slides
 SMALLEST_MOMENT = 0.1  # determinant below which a neighbourhood is too thin to correct
 
 
+def continues_flow(spec: Spec) -> bool:
+    """In the continuity sweep bodies that the fluid sticks to have the velocity of the flow that is continued into them."""
+    return spec.bodies and spec.wall_no_slip and not (spec.multiphase or spec.free_surface)
+
+
 @functools.cache
 def make_body_flow(spec: Spec) -> Any:
     """Return the `wp.func` with_bodies(rate of the fluid, ...): the rate of continuity beside walls with a surface.
@@ -33,8 +38,7 @@ def make_body_flow(spec: Spec) -> Any:
     _, slope = make_smoothing(spec.kernel, spec.precision)
     separation = separation_of(spec)
     _, _, neighbour, Listed = list_access(spec)
-    continued = spec.wall_no_slip and not (spec.multiphase or spec.free_surface)
-    slides_at = make_slides(spec.own_sides)
+    continued, slides_at = continues_flow(spec), make_slides(spec.own_sides)
 
     @wp.func
     def with_bodies(

@@ -47,7 +47,7 @@ def leapfrog(spec: Spec) -> list[Node]:
         *bodies(spec, MIDDLE, speed=1),
         *windows(spec),
         Stage("drift", make_delta_drift(spec), "fluid", "moves the particles"),
-        *(walls_ahead(spec, sliding=True) if continues_flow(spec) else []),
+        *(walls_ahead(spec) if continues_flow(spec) else []),
         Stage("continuity", make_delta_continuity(spec), "fluid", "rate of the density, with its diffusion"),
         *budget_ahead(spec),
         state(spec, closing=1),

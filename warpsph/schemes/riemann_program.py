@@ -13,6 +13,7 @@ from warpsph.kernels.core.clock import make_advance
 from warpsph.kernels.core.poses import MIDDLE, NEXT
 from warpsph.kernels.core.spec import Spec
 from warpsph.kernels.core.time_signals import depends_on_time
+from warpsph.kernels.riemann.body_flow import continues_flow
 from warpsph.kernels.riemann.contact import make_contact, make_phase_contact
 from warpsph.kernels.riemann.density import make_continuity, make_state
 from warpsph.kernels.riemann.drift import make_drift
@@ -70,7 +71,7 @@ def step(spec: Spec) -> list[Node]:
         *windows(spec),
         Stage("kick_drift", make_kick_drift(spec), "fluid", "moves the particles"),
         *sides(spec),
-        *walls_ahead(spec, sliding=True),
+        *(walls_ahead(spec) if continues_flow(spec) else []),
         Stage("continuity", make_continuity(spec), "fluid", "density and pressure from star velocities"),
         *relaxation(spec),
         *bodies(spec, NEXT, closing=1),

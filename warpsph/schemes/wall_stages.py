@@ -65,13 +65,11 @@ def surface_load(spec: Spec) -> list[Stage]:
     ]
 
 
-def walls_ahead(spec: Spec, sliding: bool = False) -> list[Stage]:
+def walls_ahead(spec: Spec) -> list[Stage]:
     """Return the stages that give the continuity sweep wall velocities of the same moment as those of the fluid.
 
     Those of the stages after it are a step old when the next one comes. That feeds sound that runs between two walls, but
     the conservative gradient has a dissipation that is more than that. A wall that moves on a curve has gone on by then: its
-    old velocity lacks a step of its acceleration, as if it went away from the fluid (docs/records/walls.md#ahead). Several
-    fluids have their own one-sided velocities.
+    old velocity lacks a step of its acceleration, as if it went away from the fluid (docs/records/walls.md#ahead).
     """
-    moving = spec.bodies and spec.moving and not spec.multiphase
-    return walls(spec, ahead=True, sliding=sliding) if spec.wall_sound or moving else []
+    return walls(spec, ahead=True, sliding=True) if spec.wall_sound or (spec.bodies and spec.moving) else []
