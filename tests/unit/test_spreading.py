@@ -109,6 +109,6 @@ def test_first_row_of_a_stream_against_a_wall_stays_a_row(changes):
         model.stepper.run(float(time), 10**9)
         fluid = model.snapshot().fluid
         x, y = np.abs(fluid.position[:, 0]), fluid.position[:, 1]
-        places.append((((y < 0.02) & (x < 0.2)).sum() * 0.02 / 0.4))
+        places.append(((y < 0.02) & (x < 0.2)).sum() * 0.02 / 0.4)
         spread.append(fluid.pressure[(y < 0.04) & (x < 0.1)].std())
     assert np.mean(places) > 0.9 and np.mean(spread) < 0.1 * 500
