@@ -25,7 +25,9 @@ def make_body_flow(spec: Spec) -> Any:
 
     They have their own velocity, and the rate is divided by its share of a compression along the normal (theory: delta#d6).
     Before a plane what runs along it has no part: all that the sum has of it is how the wall's particles lie. In one fluid
-    that fills its domain, bodies that it sticks to have the velocity of the flow that is continued into them.
+    that fills its domain, bodies that it sticks to have the velocity of the flow that is continued into them. Several fluids
+    have the image of their own velocity before any other wall than a plane: their one-sided pressures know nothing of
+    paths that bend (docs/records/walls.md#spreading).
 
     With the corrected gradient the rate also takes out what the arrangement of all neighbours makes of a linear velocity
     without divergence, but beside walls with their own velocity, where velocities jump. Pressure differences are those
@@ -101,6 +103,10 @@ def make_body_flow(spec: Spec) -> Any:
                     wall_flow += wp.outer(mirrored - vi, f * d)
                     wall_moment -= wp.outer(d, f * d)
         rate += wp.where(plane, across, along)
+        if wp.static(spec.multiphase):
+            if not plane:
+                rate += along  # twice, as the image of the particle's own velocity
+                share = real(1.0)
         if wp.static(spec.corrected):
             if end > start and not near and not sliding:
                 m = (moment + wall_moment) * params.g_norm

@@ -66,7 +66,8 @@ def compression(case: dict[str, Any], changes: list[str]) -> np.ndarray:
     order = np.argsort(snapshot.fluid.particle_id)
     rate = (after[order] / before[np.argsort(begun(case, changes).snapshot().fluid.particle_id)] - 1.0) / snapshot.time
     place = place[order]
-    low, high = 0.0, 0.3  # away from free surfaces and from bodies
+    # away from free surfaces and bodies; several fluids in a corner between walls with a surface have their images
+    low, high = 0.1 if ROUND in changes else 0.0, 0.3
     near = (place[:, 1] < 2 * SPACING) & (np.abs(place[:, 0]) < high) & (place[:, 0] > (-high if case is FLOOR else low))
     return rate[near] / RATE
 
@@ -74,7 +75,8 @@ def compression(case: dict[str, Any], changes: list[str]) -> np.ndarray:
 @pytest.mark.parametrize(
     ("case", "changes"),
     [(FLOOR, CELLS), (FLOOR, FITS), (FLOOR, DELTA), (FLOOR, [*DELTA, BODY]), (FLOOR, [*DELTA, "numerics.formulation=paper"]),
-     (CORNER, CELLS), (CORNER, FITS), (CORNER, DELTA), (BOX, [*CELLS, EVEN]), (BOX, [*TWO, EVEN]), (BOX, [*TWO, EVEN, ROUND]), (BOX, DELTA)],
+     (CORNER, CELLS), (CORNER, FITS), (CORNER, DELTA),
+     (BOX, [*CELLS, EVEN]), (BOX, [*TWO, EVEN]), (BOX, [*TWO, EVEN, ROUND]), (BOX, DELTA)],
 )  # fmt: skip
 def test_walls_do_not_compress_what_spreads_along_them(case, changes):
     """The image of a particle's own velocity made 0.2 of it."""
