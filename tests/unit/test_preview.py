@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from warpsph.case.case_file import load_case
-from warpsph.running.preview import estimate
+from warpsph.running.preview import describe, estimate
 
 CASES = Path(__file__).parents[2] / "cases"
 NARROW = ["domain.lower=[-4, -5]", "domain.upper=[10, 5]", "particle_spacing=1/8", "phases.water.sound_speed=15"]
@@ -29,6 +29,25 @@ def test_the_lowest_sound_across_a_stream(changes, frequency):
 )
 def test_nothing_sounds_without_a_stream_or_without_sound(name, changes):
     assert estimate(load_case(CASES / f"{name}.yaml", overrides=changes))["sound_across"] is None
+
+
+@pytest.mark.parametrize(
+    ("changes", "came_to"),
+    [([], "hydrostatic"), (["gravity=[0, 0]"], "none"), (["start.pressure=none"], ""), (["numerics.scheme=isph"], "none")],
+)
+def test_what_an_automatic_start_pressure_came_to_is_told(changes, came_to):
+    tank = {
+        "dimension": 2,
+        "particle_spacing": 0.1,
+        "end_time": 1,
+        "gravity": [0, -9.81],
+        "domain": {"lower": [0, 0], "upper": [1, 1], "boundary": {"x": "wall", "y": "wall"}},
+        "phases": {"water": {"density": 1000, "viscosity": 0.01, "sound_speed": 20}},
+        "fluids": [{"phase": "water", "shape": "rest"}],
+    }
+    case = load_case(tank, overrides=changes)
+    assert estimate(case)["start_pressure"] == came_to
+    assert describe(case)["resolved"]["start"]["pressure"] == (came_to or "none")
 
 
 @pytest.mark.parametrize(("scheme", "least"), [("riemann", 1e-4), ("isph", 1e-3)])

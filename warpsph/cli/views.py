@@ -23,6 +23,7 @@ def print_estimate(case: Case) -> None:
         ("wall particles", f"{about}{format_cell(found['walls'])}"),
         ("memory of the device", f"{about}{mebibytes(found['memory_bytes'])}"),
         ("memory of the host", f"about {mebibytes(found['host_bytes'])}"),
+        ("start pressure", found.get("start_pressure") or None),
         ("lowest sound across the stream", None if across is None else f"{across:.3g} 1/s"),
         ("time step", None if found.get("dt") is None else f"{found['dt']:.3g} s"),
         ("steps", found.get("steps")),

@@ -55,6 +55,8 @@ def describe(case: CaseLike) -> dict[str, Any]:
         known[f"phases.{name}.sound_speed"] = c
     known |= {f"scales.{name}": value for name, value in physics.scales.items() if value > 0}  # 0: nothing is known
     known["start.arrangement"] = geometry.arrangement
+    if geometry.loaded:
+        known["start.pressure"] = geometry.loaded
     spec = physics.spec
     program = case.scheme.program(spec, physics.choices)
     shown = lines(program.step, changes=program.changes)
@@ -78,7 +80,8 @@ def describe(case: CaseLike) -> dict[str, Any]:
 def estimate(case: CaseLike) -> dict[str, Any]:
     """Return particle counts, memory of the device and of the host [bytes], time step [s], steps, seconds, and warnings.
 
-    `sound_across` is the frequency of the lowest sound across a stream [1/s], see `lowest_sound_across`.
+    `start_pressure` is what `start.pressure` came to where it is auto, else empty, `sound_across` the frequency of the
+    lowest sound across a stream [1/s], see `lowest_sound_across`.
     Where the particles do not even fit the memory that building them takes, there are the first four alone, from
     arithmetic, and `refused`, the CapacityError to raise.
     """
@@ -122,6 +125,7 @@ def estimate(case: CaseLike) -> dict[str, Any]:
         "seconds": steps * guessed_step(
             geometry.count, neighbours * case.scheme.pair_cost(spec), [name for _, name, _ in lines(program.step)]
         ),
+        "start_pressure": geometry.loaded,
         "sound_across": lowest_sound_across(case, physics),
         "warnings": warnings,
     }

@@ -34,7 +34,7 @@ from warpsph.scene.lattice import Lattice, make_lattice
 from warpsph.scene.narrow import narrow_places
 from warpsph.scene.rounded_volume import rounded_volumes
 from warpsph.scene.slivers import find_slivers
-from warpsph.scene.start_fluid import fluid_particles, start_density, start_pressure, start_velocity
+from warpsph.scene.start_fluid import automatic_pressure, fluid_particles, start_density, start_pressure, start_velocity
 from warpsph.scene.wall_cells import Surroundings, WallCells
 
 if TYPE_CHECKING:
@@ -75,6 +75,7 @@ class Geometry:
     lattice: the cells that the particles come from; its `lower` and `upper` are where the walls stand
     arrangement: lattice or fitted: what `start.arrangement` came to
     arrangement_reason: why
+    loaded: what `start.pressure` came to where it is auto: hydrostatic or none; else empty
     warnings: lines of text for the user
     """
 
@@ -98,6 +99,7 @@ class Geometry:
     lattice: Lattice
     arrangement: str = "lattice"
     arrangement_reason: str = ""
+    loaded: str = ""
     warnings: list[str] = field(default_factory=list)
     density: NDArray[np.float64] | None = None
 
@@ -178,6 +180,7 @@ def build(case: Case, support: float, unlock: float = 0.0, arrange: Arrange | No
     open_side = _at_open_side(case, np.ones(lattice.count, np.bool_) if covered is None else ~covered)
     filled = not open_side and len(fluid.position) + blocked >= math.prod(lattice.count)
     pressure = None
+    loaded = automatic_pressure(case, filled) or "none" if case.start.pressure == "auto" else ""
     if case.start.pressure is not None:
         rest_density = np.array([*(phase.density for phase in case.phases.values()), 0.0])
         density = rest_density[phase_of_region][region]
@@ -229,6 +232,7 @@ def build(case: Case, support: float, unlock: float = 0.0, arrange: Arrange | No
         lattice=lattice,
         arrangement=arrangement,
         arrangement_reason=reason,
+        loaded=loaded,
         warnings=warnings,
         density=varying,
     )
