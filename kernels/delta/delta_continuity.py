@@ -5,11 +5,10 @@
 
 D compares pressures and not densities: the same where pressure is proportional to s, and zero for a linear pressure with any
 equation of state. G is the corrected pressure gradient of the last momentum sweep. Positions are those in the middle of
-the step. Walls take part in the first sum alone: what their pressure misses would be a source of volume beside them. Bodies
-that the fluid slides along have their own velocity there, sides of a full domain beside them, and under a free surface all
-bodies: the rate is that of a sum over places, which returns the work that it takes. In a full domain it is divided by the
-share that it has of a compression along the normal, and bodies that the fluid sticks to go on with the flow
-(theory: delta#d6).
+the step. Walls take part in the first sum alone: what their pressure misses would be a source of volume beside them. Walls
+have their own velocity: the rate is that of a sum over places, which returns the work that it takes, and is divided by the
+share that it has of a compression along the normal; in a full domain bodies that the fluid sticks to, but not its sides, go
+on with the flow (theory: delta#d6).
 
 In a domain that is full the divergence is exact for linear velocities, tr(sum_j (v_j - v_i) (x) grad_i W V_j M_i^-1), but
 beside walls along which the velocity jumps: what a strained arrangement makes of a divergence has one sign, and would raise
