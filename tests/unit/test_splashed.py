@@ -29,11 +29,11 @@ def sloshing():
     return script("sloshing_volume")
 
 
-@pytest.mark.parametrize(("scheme", "most"), [("riemann", 1.06), ("delta_plus", 1.15)])
-def test_water_that_has_splashed_keeps_its_volume(sloshing, scheme, most):
-    """With 20 spacings a height; a row of disordered particles more or less is 5 %. Without: 1.10, and 1.22 as a gas.
+@pytest.mark.parametrize(("scheme", "most", "worth"), [("riemann", 1.04, 0.015), ("delta_plus", 1.15, 0.03)])
+def test_water_that_has_splashed_keeps_its_volume(sloshing, scheme, most, worth):
+    """With 20 spacings a height; a row of disordered particles more or less is 5 %. Without: 1.044 and 1.29.
 
-    A mean of three Courant numbers: single runs of the Riemann scheme have 1.043 to 1.059.
+    A mean of three Courant numbers: single runs of the Riemann scheme have 1.014 to 1.021, without 1.039 to 1.050.
     """
     means = []
     for key in ("precision=float32", "numerics.room_rate=0"):
@@ -44,7 +44,7 @@ def test_water_that_has_splashed_keeps_its_volume(sloshing, scheme, most):
             volumes.append(row["samples"][0]["volume"])
         means.append(np.mean(volumes))
     assert 0.95 < means[0] < most
-    assert means[1] > means[0] + 0.03
+    assert means[1] > means[0] + worth
 
 
 def block(scheme, dimension, rows, floor=False, room_rate=None, across=12):
