@@ -1,4 +1,4 @@
-"""Sides of a full domain, continued as bodies are, and their own velocity in continuity (docs/theory/delta.md#d6)."""
+"""Sides of a domain, continued as bodies are, and their own velocity in continuity (docs/theory/delta.md#d6)."""
 
 import copy
 from typing import Any
@@ -107,6 +107,8 @@ def test_which_walls_are_marked():
     assert spec([block, "numerics.scheme=delta_plus"]).own_sides and spec([block]).own_sides
     alone = spec(["numerics.scheme=delta_plus"])
     assert alone.flat_walls and not alone.own_sides
+    half = spec(["numerics.scheme=delta_plus", "fluids.0.shape={box: {lower: [0, 0], upper: [1, 0.5]}}"])
+    assert half.free_surface and half.bodies and half.flat_walls and not half.own_sides
     assert not spec([block, "numerics.scheme=isph"]).own_sides
     assert not spec([block, "phases.water.viscosity=0"]).own_sides
     assert not spec([block, "fluids.0.shape={box: {lower: [0, 0], upper: [1, 0.5]}}"]).own_sides

@@ -114,3 +114,34 @@ def test_first_row_of_a_stream_against_a_wall_stays_a_row(changes):
         places.append(((y < 0.02) & (x < 0.2)).sum() * 0.02 / 0.4)
         spread.append(fluid.pressure[(y < 0.04) & (x < 0.1)].std())
     assert np.mean(places) > 0.9 and np.mean(spread) < 0.1 * 500
+
+
+def test_two_like_fluids_slide_around_in_a_drum():
+    """Round walls have the image of what meets them for several fluids: with their own velocity a turn lost 6 %."""
+    ring = "x**2 + y**2 < 0.5**2 and x**2 + y**2 > 0.2**2"
+    inner, outer = "x**2 + y**2 < 0.35**2", "x**2 + y**2 >= 0.35**2"
+    case = {
+        "dimension": 2,
+        "particle_spacing": 0.02,
+        "end_time": 2,
+        "domain": {"lower": [-0.7, -0.7], "upper": [0.7, 0.7]},
+        "phases": {"water": {"density": 1000}, "oil": {"density": 1000}},
+        "fluids": [
+            {"phase": "oil", "shape": {"where": {"condition": f"{ring} and {inner}"}}},
+            {"phase": "water", "shape": {"where": {"condition": f"{ring} and {outer}"}}},
+        ],
+        "bodies": {
+            "drum": {"shape": {"sphere": {"center": [0, 0], "radius": 0.5}}, "hollow": True},
+            "core": {"shape": {"sphere": {"center": [0, 0], "radius": 0.2}}},
+        },
+        "start": {"velocity": ["-2*pi*y", "2*pi*x"], "pressure": "2000*pi**2*(x**2 + y**2 - 0.2**2)"},
+    }
+
+    def kinetic(model: Model) -> float:
+        fluid = model.snapshot().fluid
+        return float((fluid.mass * (fluid.velocity.astype(np.float64) ** 2).sum(axis=1)).sum())
+
+    model = begun(case, [])
+    start = kinetic(model)
+    model.stepper.run(1.0, 10**9)
+    assert kinetic(model) == pytest.approx(start, rel=0.02)
