@@ -59,12 +59,13 @@ def begun(case: dict[str, Any], changes: list[str]) -> Model:
 def compression(case: dict[str, Any], changes: list[str]) -> np.ndarray:
     """Return the rate of the density in the first two rows at walls, over that of the flow along them, after a step."""
     model = begun(case, changes)
-    before = model.snapshot().fluid.density.astype(np.float64)
+    start = model.snapshot().fluid
+    before = start.density.astype(np.float64)[np.argsort(start.particle_id)]
     model.stepper.run(1.0e9, 1)
     snapshot = model.snapshot()
     place, after = snapshot.fluid.position.astype(np.float64), snapshot.fluid.density.astype(np.float64)
     order = np.argsort(snapshot.fluid.particle_id)
-    rate = (after[order] / before[np.argsort(begun(case, changes).snapshot().fluid.particle_id)] - 1.0) / snapshot.time
+    rate = (after[order] / before - 1.0) / snapshot.time
     place = place[order]
     # away from free surfaces and bodies; several fluids in a corner between walls with a surface have their images
     low, high = 0.1 if ROUND in changes else 0.0, 0.3
