@@ -70,6 +70,11 @@ def free_surface(spec: Spec) -> bool:
     return spec.free_surface
 
 
+def smoothed(spec: Spec) -> bool:
+    """Runs of ISPH that smooth the velocity, or need its gradient at a free surface."""
+    return spec.free_surface or (spec.shifting and not spec.printed)
+
+
 def pierced_surface(spec: Spec) -> bool:
     """Runs with a free surface and bodies, which may stand out of it."""
     return spec.free_surface and spec.bodies

@@ -9,6 +9,7 @@ from warpsph.kernels.core.fields import (
     free_surface,
     moving_bodies,
     pierced_surface,
+    smoothed,
     viscous_surface,
 )
 
@@ -29,11 +30,11 @@ ISPH_FIELDS: tuple[Field, ...] = (
     Field("exposed", "uint8", "fluid", False, always, "-", "surface before fragments are counted to it"),
     Field("surface", "uint8", "fluid", False, always, "-", "0 inside, 1 at the free surface, 2 isolated", True),
     Field("surface_normal", "vec", "fluid", False, always, "-", "outward normal; of use at the surface alone", True),
-    Field("velocity_gradient", "mat", "fluid", False, free_surface, "1/s", "of the velocity ahead, later of the new one"),
+    Field("velocity_gradient", "mat", "fluid", False, smoothed, "1/s", "of the velocity ahead, later of the new one"),
     Field("row_depth", "real", "fluid", True, free_surface, "-", "depth below the surface over an even row's; 0 elsewhere"),
     Field("spread_depth", "real", "fluid", False, free_surface, "-", "the same as the spread has it; 0 where p = 0"),
     Field("surface_stress", "real", "fluid", True, viscous_surface, "Pa", "pressure that balances friction across it"),
-    Field("smoothing", "real", "fluid", False, free_surface, "-", "share of a deviation that smoothing takes out in a step"),
+    Field("smoothing", "real", "fluid", False, smoothed, "-", "share of a deviation that smoothing takes out in a step"),
     Field("beside", "vec", "fluid", True, bodies, "-", "normal of the surface before a particle in the last step; 0: none"),
     Field("wall_gap", "real", "fluid", True, bodies, "m", "distance from it"),
     Field("wall_pace", "real", "fluid", True, bodies, "m/s", "its velocity along the normal"),

@@ -9,7 +9,7 @@ from warpsph.kernels.core.clock import MAXIMA, SPEED, STEP
 from warpsph.kernels.core.fields import FLUID, NOBODY
 from warpsph.kernels.core.mirror import code_shift, make_images, make_sides
 from warpsph.kernels.core.pair import WRAPPED, list_access, natural
-from warpsph.kernels.core.params import make_params
+from warpsph.kernels.core.params import make_params, make_phase
 from warpsph.kernels.core.smoothing import make_smoothing
 from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, types, types_of
 
@@ -100,6 +100,37 @@ def make_fastest(spec: Spec) -> Any:
 
 
 @functools.cache
+def make_stopped(dimension: int, precision: str) -> Any:
+    """Return the `wp.func` that ends a shift where a particle has to stop before a body, CLOSEST spacings off.
+
+    What the particle carries changes on the way that it goes. `n` is the body's normal before the particle, 0 without one.
+    """
+    real, vec, _, _ = types(dimension, precision)
+
+    @wp.func
+    def stopped(dx: vec, n: vec, gap: real, spacing: real):
+        inward = wp.min(real(CLOSEST) * spacing - gap, real(0.0))
+        return dx + n * wp.max(inward - wp.dot(dx, n), real(0.0))
+
+    return stopped
+
+
+@functools.cache
+def make_smoothing_share(precision: str) -> Any:
+    """Return the `wp.func` that gives the share of a velocity's deviation that a step takes out [-] (theory: isph#b6).
+
+    It is f |grad u| dt, less what friction takes out itself of a particle that is alone in its velocity: `friction` dt.
+    """
+    real = types(2, precision).real
+
+    @wp.func
+    def smoothing_share(factor: real, strength: real, friction: real):
+        return wp.clamp(factor * strength - friction, real(0.0), real(MOST_FILTER))
+
+    return smoothing_share
+
+
+@functools.cache
 def make_regularise(spec: Spec) -> Any:
     """Return the sweep that measures the divergence left over and finds the shift towards an even arrangement.
 
@@ -117,8 +148,12 @@ def make_regularise(spec: Spec) -> Any:
     shape, slope = make_smoothing(spec.kernel, spec.precision)
     followed = make_followed(spec.dimension, spec.precision)
     fastest = make_fastest(spec)
+    stopped = make_stopped(spec.dimension, spec.precision)
+    smoothing_share = make_smoothing_share(spec.precision)
+    viscous = spec.viscosity != "none"
+    Phase = make_phase(spec.precision)
     images = make_images(spec)
-    apart, image_velocity = images.apart, images.image_velocity
+    apart, image_velocity, friction_velocity = images.apart, images.image_velocity, images.friction_velocity
     list_begin, list_step, neighbour, Listed = list_access(spec)
     periodic = any(spec.periodic)
     image_bit = code_shift(spec.dimension)
@@ -132,6 +167,7 @@ def make_regularise(spec: Spec) -> Any:
         list_width: int,
         params: Params,
         sides: Sides,
+        phases: wp.array(dtype=Phase),
         clock: wp.array(dtype=wp.float64),
         neighbours: Listed,
         fluid_neighbours: wp.array(dtype=wp.int16),
@@ -172,6 +208,8 @@ def make_regularise(spec: Spec) -> Any:
         if wp.static(periodic):
             wrapped = (int(flags[i]) & WRAPPED) != 0
         flow = mat()
+        stuck = mat()  # what sides that the fluid sticks to add to it; the divergence does not see it
+        pairs = real(0.0)  # sum of V |dW/dr|/r
         impact = vec()  # change of velocity by collisions
         apart_sum = vec()
         crowded = real(CROWDED) * params.spacing
@@ -193,10 +231,14 @@ def make_regularise(spec: Spec) -> Any:
             d = apart(xi, position[j], code, wrapped, params, sides)
             r2 = wp.dot(d, d)
             q = wp.sqrt(r2) * params.inv_h
+            f = slope(q) * rest_volume[j]
+            pairs -= f
             vj = velocity[j]
             if wp.static(spec.mirror):
                 if code != 0:
                     vj = image_velocity(vj, code, sides)
+                    if wp.static(viscous):
+                        stuck += wp.outer(friction_velocity(velocity[j], code, sides) - vj, f * d)
             if wp.static(spec.free_surface):
                 r = wp.sqrt(r2)
                 if r < crowded and r > real(0.0):
@@ -204,7 +246,7 @@ def make_regularise(spec: Spec) -> Any:
                 approach = wp.dot(vi - vj, d)
                 if r2 < contact2 and approach < real(0.0):
                     impact -= d * (real(0.5) * approach / (r2 + params.tiny))
-            flow += wp.outer(vj - vi, (slope(q) * rest_volume[j]) * d)
+            flow += wp.outer(vj - vi, f * d)
             if wp.static(spec.free_surface):
                 if surface[j] != wp.uint8(INSIDE) and code == 0:
                     outward += surface_normal[j] * shape(q)
@@ -217,23 +259,25 @@ def make_regularise(spec: Spec) -> Any:
                 if wp.static(spec.bodies):
                     b = j - (particle_count - boundary_volume.shape[0])
                     f = slope(wp.sqrt(wp.dot(d, d)) * params.inv_h) * boundary_volume[b]
+                    pairs -= f
                     flow += wp.outer(mirror_velocity[b] - vi, f * d)
                 else:
                     f = slope(wp.sqrt(wp.dot(d, d)) * params.inv_h) * params.wall_volume
+                    pairs -= f
                     flow += wp.outer(real(2.0) * (velocity[j] - vi), f * d)
         shear = (flow * correction[i]) * params.g_norm
         # a lone particle must not bring a divergence of any size into the next step
         most = real(clock[SPEED]) * params.inv_h
         dilation_old[i] = dilation[i]
         dilation[i] = wp.clamp(wp.trace(shear), -most, most)
+        shear += (stuck * correction[i]) * params.g_norm
         if wp.static(spec.open_axis >= 0):
             if int(zone[i]) != FLUID:
                 if wp.static(spec.shifting):
                     shift[i] = vec()
                     carried[i] = vec()
-                    if wp.static(spec.free_surface):
-                        velocity_gradient[i] = shear
-                        smoothing[i] = real(0.0)
+                    velocity_gradient[i] = shear
+                    smoothing[i] = real(0.0)
                 return  # rows stay as they are
         if wp.static(spec.free_surface):
             rows = real(0.0)
@@ -265,13 +309,7 @@ def make_regularise(spec: Spec) -> Any:
             if length > cap:
                 dx = dx * (cap / length)
             if wp.static(spec.bodies):
-                # Up to where `advect` stops a particle before a body: what it carries changes on the way that it goes.
-                n = beside[i]
-                inward = wp.min(real(CLOSEST) * params.spacing - wall_gap[i], real(0.0))
-                dx += n * wp.max(inward - wp.dot(dx, n), real(0.0))
-                n_2 = beside_2[i]
-                inward_2 = wp.min(real(CLOSEST) * params.spacing - wall_gap_2[i], real(0.0))
-                dx += n_2 * wp.max(inward_2 - wp.dot(dx, n_2), real(0.0))
+                dx = stopped(stopped(dx, beside[i], wall_gap[i], params.spacing), beside_2[i], wall_gap_2[i], params.spacing)
             shift[i] = dx
             change = shear * dx
             if wp.static(spec.free_surface):
@@ -284,12 +322,15 @@ def make_regularise(spec: Spec) -> Any:
                     )
                     change = way * wp.min(size, most_change)
                 change += impact
-                velocity_gradient[i] = shear
-                rate = wp.min(params.filter * strength, real(MOST_FILTER))
-                if wp.static(spec.walls):
-                    if wall_neighbours[i] > wp.int16(0) and not near:
-                        rate = real(0.0)  # the pairs of fluid beside a body are not all around
-                smoothing[i] = rate
+            velocity_gradient[i] = shear
+            friction = real(2.0) * phases[0].viscosity / phases[0].density * pairs * params.g_norm * dt
+            if near:
+                friction = real(0.0)  # across a surface none is felt
+            share = smoothing_share(params.filter, strength, friction)
+            if wp.static(spec.walls and spec.free_surface):
+                if wall_neighbours[i] > wp.int16(0) and not near:
+                    share = real(0.0)  # the pairs of fluid beside a body are not all around
+            smoothing[i] = share
             carried[i] = change
             s2 = wp.dot(dx, dx)
             if s2 > maxima[slot * MAXIMA + 3]:

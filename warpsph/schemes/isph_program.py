@@ -311,8 +311,8 @@ def finish(spec: Spec) -> list[Stage]:
 
 
 def smooth(spec: Spec) -> list[Stage]:
-    """Return the stage that smooths the velocity of a fluid with a free surface; none without a shift."""
-    if not (spec.free_surface and spec.shifting):
+    """Return the stage that smooths the velocity; none without a shift."""
+    if not spec.shifting:
         return []
     return [Stage("smooth_velocity", make_smooth_velocity(spec), "fluid", "noise of the velocity smoothed, by pairs")]
 
