@@ -47,10 +47,10 @@ def make_followed(dimension: int, precision: str) -> Any:
 
 
 @functools.cache
-def make_fastest(spec: Spec) -> Any:
-    """Return the `wp.func` that gives by how much the fastest fluid neighbour of particle i outruns it along `way` [m/s].
+def make_no_faster(spec: Spec) -> Any:
+    """Return the `wp.func` that shortens a change of velocity [m/s]: no faster along it than the fastest fluid neighbour.
 
-    Images across sides count; 0 where none is faster.
+    Images across sides count; a change below `smallest` stays.
     """
     real, vec, _, _ = types_of(spec)
     Params = make_params(spec.dimension, spec.precision)
@@ -63,9 +63,10 @@ def make_fastest(spec: Spec) -> Any:
     index_mask = (1 << image_bit) - 1
 
     @wp.func
-    def fastest(
+    def no_faster(
         i: int,
-        way: vec,
+        change: vec,
+        smallest: real,
         count: int,
         wrapped: bool,
         particle_count: int,
@@ -76,6 +77,10 @@ def make_fastest(spec: Spec) -> Any:
         position: wp.array(dtype=vec),
         velocity: wp.array(dtype=vec),
     ):
+        size = wp.length(change)
+        if size <= smallest:
+            return change
+        way = change / size
         most = real(0.0)
         k = list_begin(i, list_width)
         step = list_step(particle_count)
@@ -94,9 +99,9 @@ def make_fastest(spec: Spec) -> Any:
                     vj = image_velocity(vj, code, sides)
             if slope(wp.length(d) * params.inv_h) < real(0.0):
                 most = wp.max(most, wp.dot(vj - velocity[i], way))
-        return most
+        return way * wp.min(size, most)
 
-    return fastest
+    return no_faster
 
 
 @functools.cache
@@ -116,15 +121,30 @@ def make_stopped(dimension: int, precision: str) -> Any:
 
 
 @functools.cache
+def make_pushed(dimension: int, precision: str) -> Any:
+    """Return the `wp.func` that puts a push in the place of a shift's part across a surface with the normal n."""
+    real, vec, _, _ = types(dimension, precision)
+
+    @wp.func
+    def pushed(dx: vec, n: vec, push: vec):
+        return dx + n * (real(PUSH) * wp.dot(push, n) - wp.dot(dx, n))
+
+    return pushed
+
+
+@functools.cache
 def make_smoothing_share(precision: str) -> Any:
     """Return the `wp.func` that gives the share of a velocity's deviation that a step takes out [-] (theory: isph#b6).
 
-    It is f |grad u| dt, less what friction takes out itself of a particle that is alone in its velocity: `friction` dt.
+    It is f |grad u| dt = `factor` `strength`, less what friction takes out itself of a particle that is alone in its
+    velocity: 2 nu dt sum V |dW/dr|/r, with the sum without its norm in `pairs` and the viscosity over the density in `nu`.
+    Next to a surface (`near`), across which no friction is felt, nothing is taken off.
     """
     real = types(2, precision).real
 
     @wp.func
-    def smoothing_share(factor: real, strength: real, friction: real):
+    def smoothing_share(factor: real, strength: real, near: bool, nu: real, pairs: real, dt: real):
+        friction = wp.where(near, real(0.0), real(2.0) * nu * pairs * dt)
         return wp.clamp(factor * strength - friction, real(0.0), real(MOST_FILTER))
 
     return smoothing_share
@@ -137,20 +157,19 @@ def make_regularise(spec: Spec) -> Any:
     dx = -A |D| dt h^2 grad C, D the rate of strain; what the particle carries changes by grad u dx. Next to a free surface
     that is done along it alone, with |grad u| for |D|; across it particles nearer than CROWDED spacings are pushed apart by
     0.25 A |grad u| dt dx sum (1 - r/r_0) e, which is zero on an even arrangement with or without neighbours outside. There
-    grad u dx may be an extrapolation: it makes a particle no faster along its change than its neighbours are. With a free
-    surface how much the velocity is smoothed, f |grad u| dt with f = `velocity_filter`, and its gradient are left to
-    `velocity_smoothing`, and two particles that come nearer than CONTACT spacings lose their speed of approach, each one
-    half of it, as in a plastic collision: in a splash no pressure acts between them.
+    grad u dx may be an extrapolation: it makes a particle no faster along its change than its neighbours are. How much the
+    velocity is smoothed and its gradient, which sides that the fluid sticks to have their part in, are left to
+    `velocity_smoothing`. With a free surface two particles that come nearer than CONTACT spacings lose their speed of
+    approach, each one half of it, as in a plastic collision: in a splash no pressure acts between them.
     """
     real, vec, mat, _ = types_of(spec)
     Params = make_params(spec.dimension, spec.precision)
     Sides = make_sides(spec.dimension, spec.precision)
     shape, slope = make_smoothing(spec.kernel, spec.precision)
     followed = make_followed(spec.dimension, spec.precision)
-    fastest = make_fastest(spec)
-    stopped = make_stopped(spec.dimension, spec.precision)
-    smoothing_share = make_smoothing_share(spec.precision)
-    viscous = spec.viscosity != "none"
+    no_faster = make_no_faster(spec)
+    stopped, pushed = make_stopped(spec.dimension, spec.precision), make_pushed(spec.dimension, spec.precision)
+    smoothing_share, viscous = make_smoothing_share(spec.precision), spec.viscosity != "none"
     Phase = make_phase(spec.precision)
     images = make_images(spec)
     apart, image_velocity, friction_velocity = images.apart, images.image_velocity, images.friction_velocity
@@ -299,9 +318,8 @@ def make_regularise(spec: Spec) -> Any:
             dx = crowding[i] * (-wp.min(params.shifting * pace, real(MOST_SHIFT)) * params.h * params.h)
             if wp.static(spec.free_surface):
                 if near:
-                    n = wp.normalize(outward)
-                    push = real(PUSH) * params.shifting * wp.min(strength, real(MOST_PUSH)) * params.spacing
-                    dx += n * (push * wp.dot(apart_sum, n) - wp.dot(dx, n))
+                    push = params.shifting * wp.min(strength, real(MOST_PUSH)) * params.spacing
+                    dx = pushed(dx, wp.normalize(outward), apart_sum * push)
                 if surface[i] == wp.uint8(ISOLATED):
                     dx = vec()
             length = wp.length(dx)
@@ -313,20 +331,15 @@ def make_regularise(spec: Spec) -> Any:
             shift[i] = dx
             change = shear * dx
             if wp.static(spec.free_surface):
-                size = wp.length(change)
-                if near and size > real(1.0e-9) * real(clock[SPEED]):
-                    way = change / size
-                    count = int(fluid_neighbours[i])
-                    most_change = fastest(
-                        i, way, count, wrapped, particle_count, list_width, params, sides, neighbours, position, velocity
-                    )
-                    change = way * wp.min(size, most_change)
+                if near:
+                    smallest = real(1.0e-9) * real(clock[SPEED])
+                    change = no_faster(
+                        i, change, smallest, int(fluid_neighbours[i]), wrapped, particle_count, list_width, params, sides,
+                        neighbours, position, velocity)  # fmt: skip
                 change += impact
             velocity_gradient[i] = shear
-            friction = real(2.0) * phases[0].viscosity / phases[0].density * pairs * params.g_norm * dt
-            if near:
-                friction = real(0.0)  # across a surface none is felt
-            share = smoothing_share(params.filter, strength, friction)
+            nu = phases[0].viscosity / phases[0].density
+            share = smoothing_share(params.filter, strength, near, nu, pairs * params.g_norm, dt)
             if wp.static(spec.walls and spec.free_surface):
                 if wall_neighbours[i] > wp.int16(0) and not near:
                     share = real(0.0)  # the pairs of fluid beside a body are not all around

@@ -1,4 +1,4 @@
-"""Smoothing of the velocity of a fluid with a free surface by central forces between pairs (theory: isph#b6)."""
+"""Smoothing of the velocity by central forces between pairs (theory: isph#b6)."""
 
 import functools
 from typing import Any
@@ -21,9 +21,10 @@ def make_smooth_velocity(spec: Spec) -> Any:
 
         du_i = d sum_j V_j W_ij k_ij e_ij (e_ij.[u_j - u_i - G_ij (x_j - x_i)]),    e_ij = x_ij/|x_ij|
 
-    k_ij = (k_i + k_j)/2 with k_i = f |grad u| dt, 0 in reach of a body away from the surface, and G_ij = (G_i + G_j)/2 with
-    the velocity gradients that `regularise` has left. It is friction between pairs less what it makes of a field of second
-    order. Inside the fluid d sum V W e (x) e is the identity: k is the share of a deviation that a step takes out.
+    k_ij = (k_i + k_j)/2 and G_ij = (G_i + G_j)/2 with the shares and the velocity gradients that `regularise` has left:
+    f |grad u| dt less what friction does itself, 0 in reach of a body under a surface and away from that surface. It is
+    friction between pairs less what it makes of a field of second order. Inside the fluid d sum V W e (x) e is the
+    identity: k is the share of a deviation that a step takes out.
 
     Both ends of a pair find the same impulse with opposite signs, on their line: linear and angular momentum are conserved,
     but for the images behind walls.
@@ -87,10 +88,11 @@ def make_smooth_velocity(spec: Spec) -> Any:
                 other = velocity_gradient[j] * d
                 if wp.static(spec.mirror):
                     if code != 0:
-                        # The field of an image is S u(R x), its gradient S G R, with R across the side and S = R, or -1 where
-                        # friction makes the fluid stick; R a and S a are the images of a less those of rest.
+                        # The field of an image is S u(R x), its gradient S G R, with R across the side and S = R, or -1
+                        # where friction makes the fluid stick; R a and S a are the images of a less those of rest.
+                        rest = seen_velocity(vec(), code, sides)
                         mirrored = image_velocity(d, code, sides) - image_velocity(vec(), code, sides)
-                        other = seen_velocity(velocity_gradient[j] * mirrored, code, sides) - seen_velocity(vec(), code, sides)
+                        other = seen_velocity(velocity_gradient[j] * mirrored, code, sides) - rest
                         vj = seen_velocity(vj, code, sides)
                 deviation = vj - vi + real(0.5) * (own_gradient * d + other)
                 r2 = wp.dot(d, d)

@@ -76,8 +76,8 @@ class IsphNumerics(NumericsBase):
     )
     velocity_filter: Annotated[float | Auto, NumberRule(least=0, most=100, auto=True)] = Field(
         default="auto",
-        description="with a free surface: rate at which the velocity is drawn to the linear field around it, over the "
-        "velocity gradient. auto: 1 (paper: 0)",
+        description="rate at which the velocity is drawn to the linear field around it, over the velocity gradient, less "
+        "what friction does itself. auto: 1 (paper: 0)",
         examples=["1"],
     )
     implicit_viscosity: Switch = Field(
