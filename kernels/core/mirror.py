@@ -56,6 +56,7 @@ class Images(NamedTuple):
     image_velocity(v, code, sides): velocity of the image, mirrored across the sides [m/s].
     friction_velocity(v, code, sides): the same for the viscous term: reversed at no-slip walls.
     lift(x_j, code, sides): the image's position minus the particle's [m].
+    sticks(code, sides): whether one of the sides is a no-slip wall.
     """
 
     reflect: Any
@@ -63,6 +64,7 @@ class Images(NamedTuple):
     image_velocity: Any
     friction_velocity: Any
     lift: Any
+    sticks: Any
 
 
 @functools.cache
@@ -116,4 +118,13 @@ def make_images(spec: Spec) -> Images:
                     result = real(2.0) * sides.velocity[side] - v
         return result
 
-    return Images(reflect, apart, image_velocity, friction_velocity, lift)
+    @wp.func
+    def sticks(code: int, sides: Sides):
+        result = bool(False)
+        for axis in range(wp.static(dimension)):
+            digit = (code >> (2 * axis)) & 3
+            if digit != 0:
+                result = result or sides.kind[2 * axis + digit - 1] == NO_SLIP
+        return result
+
+    return Images(reflect, apart, image_velocity, friction_velocity, lift, sticks)

@@ -133,6 +133,33 @@ def make_pushed(dimension: int, precision: str) -> Any:
 
 
 @functools.cache
+def make_meetings(dimension: int, precision: str) -> tuple[Any, Any]:
+    """Return two `wp.func`s of a pair that is the vector d apart, with r2 = d.d.
+
+    crowd(d, r2, crowded): (1/r - 1/crowded) d below the distance `crowded`, else 0.
+    collision(dv, d, r2, contact2, tiny): half the speed of approach taken out, below the distance sqrt(contact2) [m/s].
+    """
+    real, vec, _, _ = types(dimension, precision)
+
+    @wp.func
+    def crowd(d: vec, r2: real, crowded: real):
+        result = vec()
+        if r2 < crowded * crowded and r2 > real(0.0):
+            result = d * (real(1.0) / wp.sqrt(r2) - real(1.0) / crowded)
+        return result
+
+    @wp.func
+    def collision(dv: vec, d: vec, r2: real, contact2: real, tiny: real):
+        result = vec()
+        approach = wp.dot(dv, d)
+        if r2 < contact2 and approach < real(0.0):
+            result = d * (real(-0.5) * approach / (r2 + tiny))
+        return result
+
+    return crowd, collision
+
+
+@functools.cache
 def make_smoothing_share(precision: str) -> Any:
     """Return the `wp.func` that gives the share of a velocity's deviation that a step takes out [-] (theory: isph#b6).
 
@@ -158,23 +185,21 @@ def make_regularise(spec: Spec) -> Any:
     that is done along it alone, with |grad u| for |D|; across it particles nearer than CROWDED spacings are pushed apart by
     0.25 A |grad u| dt dx sum (1 - r/r_0) e, which is zero on an even arrangement with or without neighbours outside. There
     grad u dx may be an extrapolation: it makes a particle no faster along its change than its neighbours are. How much the
-    velocity is smoothed and its gradient, which sides that the fluid sticks to have their part in, are left to
-    `velocity_smoothing`. With a free surface two particles that come nearer than CONTACT spacings lose their speed of
-    approach, each one half of it, as in a plastic collision: in a splash no pressure acts between them.
+    velocity is smoothed and its gradient, without what walls that hold the fluid add along them, are left to
+    `velocity_smoothing`. With a free surface two particles nearer than CONTACT spacings lose their speed of approach, half
+    of it each, as in a plastic collision: in a splash no pressure acts between them.
     """
     real, vec, mat, _ = types_of(spec)
-    Params = make_params(spec.dimension, spec.precision)
+    Params, Phase = make_params(spec.dimension, spec.precision), make_phase(spec.precision)
     Sides = make_sides(spec.dimension, spec.precision)
     shape, slope = make_smoothing(spec.kernel, spec.precision)
-    followed = make_followed(spec.dimension, spec.precision)
-    no_faster = make_no_faster(spec)
+    followed, no_faster = make_followed(spec.dimension, spec.precision), make_no_faster(spec)
+    crowd, collision = make_meetings(spec.dimension, spec.precision)
     stopped, pushed = make_stopped(spec.dimension, spec.precision), make_pushed(spec.dimension, spec.precision)
-    smoothing_share, viscous = make_smoothing_share(spec.precision), spec.viscosity != "none"
-    Phase = make_phase(spec.precision)
+    smoothing_share, sticky = make_smoothing_share(spec.precision), spec.wall_no_slip and spec.viscosity != "none"
     images = make_images(spec)
-    apart, image_velocity, friction_velocity = images.apart, images.image_velocity, images.friction_velocity
+    apart, image_velocity = images.apart, images.image_velocity
     list_begin, list_step, neighbour, Listed = list_access(spec)
-    periodic = any(spec.periodic)
     image_bit = code_shift(spec.dimension)
     index_mask = (1 << image_bit) - 1
 
@@ -205,6 +230,8 @@ def make_regularise(spec: Spec) -> Any:
         beside_2: wp.array(dtype=vec),
         wall_gap_2: wp.array(dtype=real),
         mirror_velocity: wp.array(dtype=vec),
+        slip: wp.array(dtype=wp.uint8),
+        wall_normal: wp.array(dtype=vec),
         dilation: wp.array(dtype=real),
         dilation_old: wp.array(dtype=real),
         shift: wp.array(dtype=vec),
@@ -224,10 +251,10 @@ def make_regularise(spec: Spec) -> Any:
         xi = position[i]
         vi = velocity[i]
         wrapped = bool(False)
-        if wp.static(periodic):
+        if wp.static(any(spec.periodic)):
             wrapped = (int(flags[i]) & WRAPPED) != 0
         flow = mat()
-        stuck = mat()  # what sides that the fluid sticks to add to it; the divergence does not see it
+        along = mat()  # what of it bodies that the fluid sticks to add along their surface
         pairs = real(0.0)  # sum of V |dW/dr|/r
         impact = vec()  # change of velocity by collisions
         apart_sum = vec()
@@ -256,15 +283,9 @@ def make_regularise(spec: Spec) -> Any:
             if wp.static(spec.mirror):
                 if code != 0:
                     vj = image_velocity(vj, code, sides)
-                    if wp.static(viscous):
-                        stuck += wp.outer(friction_velocity(velocity[j], code, sides) - vj, f * d)
             if wp.static(spec.free_surface):
-                r = wp.sqrt(r2)
-                if r < crowded and r > real(0.0):
-                    apart_sum += d * (real(1.0) / r - real(1.0) / crowded)
-                approach = wp.dot(vi - vj, d)
-                if r2 < contact2 and approach < real(0.0):
-                    impact -= d * (real(0.5) * approach / (r2 + params.tiny))
+                apart_sum += crowd(d, r2, crowded)
+                impact += collision(vi - vj, d, r2, contact2, params.tiny)
             flow += wp.outer(vj - vi, f * d)
             if wp.static(spec.free_surface):
                 if surface[j] != wp.uint8(INSIDE) and code == 0:
@@ -279,17 +300,23 @@ def make_regularise(spec: Spec) -> Any:
                     b = j - (particle_count - boundary_volume.shape[0])
                     f = slope(wp.sqrt(wp.dot(d, d)) * params.inv_h) * boundary_volume[b]
                     pairs -= f
-                    flow += wp.outer(mirror_velocity[b] - vi, f * d)
+                    dv = mirror_velocity[b] - vi
+                    flow += wp.outer(dv, f * d)
+                    if wp.static(sticky):
+                        if slip[b] == wp.uint8(0):
+                            along += wp.outer(dv - wall_normal[b] * wp.dot(wall_normal[b], dv), f * d)
                 else:
                     f = slope(wp.sqrt(wp.dot(d, d)) * params.inv_h) * params.wall_volume
                     pairs -= f
                     flow += wp.outer(real(2.0) * (velocity[j] - vi), f * d)
+                    if wp.static(sticky):
+                        along += wp.outer(real(2.0) * (velocity[j] - vi), f * d)  # cells have no normal
         shear = (flow * correction[i]) * params.g_norm
         # a lone particle must not bring a divergence of any size into the next step
         most = real(clock[SPEED]) * params.inv_h
         dilation_old[i] = dilation[i]
         dilation[i] = wp.clamp(wp.trace(shear), -most, most)
-        shear += (stuck * correction[i]) * params.g_norm
+        shear -= (along * correction[i]) * params.g_norm  # a layer thinner than the rows has a jump there, and no slope
         if wp.static(spec.open_axis >= 0):
             if int(zone[i]) != FLUID:
                 if wp.static(spec.shifting):

@@ -34,8 +34,7 @@ def make_smooth_velocity(spec: Spec) -> Any:
     Sides = make_sides(spec.dimension, spec.precision)
     shape, _ = make_smoothing(spec.kernel, spec.precision)
     images = make_images(spec)
-    apart, image_velocity = images.apart, images.image_velocity
-    seen_velocity = images.friction_velocity if spec.viscosity != "none" else image_velocity
+    apart, image_velocity, sticks = images.apart, images.image_velocity, images.sticks
     list_begin, list_step, neighbour, Listed = list_access(spec)
     dimension = float(spec.dimension)
     image_bit = code_shift(spec.dimension)
@@ -88,12 +87,14 @@ def make_smooth_velocity(spec: Spec) -> Any:
                 other = velocity_gradient[j] * d
                 if wp.static(spec.mirror):
                     if code != 0:
-                        # The field of an image is S u(R x), its gradient S G R, with R across the side and S = R, or -1
-                        # where friction makes the fluid stick; R a and S a are the images of a less those of rest.
-                        rest = seen_velocity(vec(), code, sides)
-                        mirrored = image_velocity(d, code, sides) - image_velocity(vec(), code, sides)
-                        other = seen_velocity(velocity_gradient[j] * mirrored, code, sides) - rest
-                        vj = seen_velocity(vj, code, sides)
+                        # the field of an image is R u(R x), its gradient R G R; R a is the image of a less that of rest
+                        rest = image_velocity(vec(), code, sides)
+                        vj = image_velocity(vj, code, sides)
+                        mirrored = image_velocity(d, code, sides) - rest
+                        other = image_velocity(velocity_gradient[j] * mirrored, code, sides) - rest
+                        if wp.static(spec.viscosity != "none"):
+                            if sticks(code, sides):
+                                rate = real(0.0)  # friction alone knows such a side
                 deviation = vj - vi + real(0.5) * (own_gradient * d + other)
                 r2 = wp.dot(d, d)
                 weight = shape(wp.sqrt(r2) * params.inv_h) * rest_volume[j]
