@@ -14,7 +14,7 @@ from warpsph.kernels.core.spec import Spec
 from warpsph.kernels.isph.projection import FILLED
 from warpsph.scene.forcing import forcing_of
 from warpsph.scene.open_faces import open_axis
-from warpsph.scene.physics import VISCOUS_LIMIT, Physics, check_periods, flow_scales, has_room, smoothing_ratio
+from warpsph.scene.physics import VISCOUS_LIMIT, Physics, body_reach, check_periods, flow_scales, has_room, smoothing_ratio
 from warpsph.schemes.flow_through import room_left
 from warpsph.schemes.isph_numerics import IsphNumerics
 
@@ -214,6 +214,9 @@ def derive(case: Case, geometry: Geometry, row_list: bool) -> Physics:
     velocity = scales["velocity"]
     if case.has_flow_through and velocity > 0:
         cap["inlets and outlets"] = float(choices["courant"]) * h / velocity  # of what they may do in the coming step
+    body_speed = forcing.body_speed(body_reach(forcing, geometry))
+    if body_speed > 0 and not paper:
+        cap["bodies that move"] = float(choices["courant"]) * h / body_speed  # a fluid at rest knows nothing of them yet
     longest = min(float(choices["courant"]) * h / velocity if velocity > 0 else math.inf, *cap.values(), case.end_time)
     reason = "no friction"
     if viscous:
