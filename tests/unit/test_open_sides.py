@@ -401,6 +401,24 @@ def test_sound_speed_knows_the_inlet():
     assert physics.sound_speed[0] == pytest.approx(10 * 2 * 3 * 0.75)
 
 
+def test_sound_speed_knows_the_narrowest_section():
+    """A baffle leaves a quarter of a channel of 40 rows open: 4 times the speed of a uniform inlet, by continuity."""
+    case = {
+        "dimension": 2,
+        "particle_spacing": 0.01,
+        "end_time": 1,
+        "domain": {"lower": [0, 0], "upper": [1, 0.4], "boundary": {"x": {"lower": {"inlet": {"velocity": [1, 0]}},
+                                                                          "upper": {"outlet": {}}}, "y": "wall"}},
+        "phases": {"water": {"density": 1000, "viscosity": 0.001}},
+        "fluids": [{"phase": "water", "shape": "rest"}],
+        "bodies": {"baffle": {"shape": {"box": {"lower": [0.5, 0.1], "upper": [0.6, 0.5]}}}},
+    }  # fmt: skip
+    for bodies, speed in ((case["bodies"], 4.0), ({}, 1.0)):
+        physics = Model(Case.from_dict({**case, "bodies": bodies}), device="cpu", threads=1).physics
+        assert physics.scales["velocity"] == pytest.approx(speed)
+        assert physics.sound_speed[0] == pytest.approx(10 * speed)
+
+
 def test_a_ramp_that_is_not_finite_is_told_by_its_key():
     case = Case.load("cases/open_channel.yaml", ["domain.boundary.x.lower={inlet: {pressure: 1, ramp: 1/t}}"])
     with pytest.raises(CaseError, match=r"domain\.boundary\.x\.lower\.inlet\.ramp: 1/t .*finite"):

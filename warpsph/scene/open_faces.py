@@ -171,20 +171,25 @@ def factors_of(face: Face, times: NDArray[Any]) -> NDArray[np.float64]:
 
 
 def given_scales(case: Case, geometry: Geometry) -> tuple[float, float, float]:
-    """Return (largest speed given [m/s], largest pressure given [Pa], speed that given pressures may drive [m/s]).
+    """Return (largest speed [m/s], largest pressure given [Pa], speed that given pressures may drive [m/s]).
 
-    A difference of pressure drives sqrt(2 dp/rho) at most, or in a viscous channel dp/L H^2/(8 mu), H its smallest width.
+    The first is the largest one given, or what the flow through a side makes in the narrowest section between bodies. A
+    difference of pressure drives sqrt(2 dp/rho) at most, or in a viscous channel dp/L H^2/(8 mu), H its smallest width.
     """
     lattice = geometry.lattice
     faces = make_faces(case, geometry, 0.0, 0.0)
     times = np.linspace(0.0, case.end_time, 1001)
     speed, pressures = 0.0, []
+    through = {face.end: 0.0 for face in faces}  # of one side, in sites times a speed
     for face in faces:
         factors = factors_of(face, times)
+        if face.gives_velocity:
+            through[face.end] += float(np.abs(face.velocity[face.free, face.axis]).sum() * np.abs(factors).max())
         speed = max(speed, float(np.linalg.norm(face.velocity[face.free], axis=1).max(initial=0.0) * np.abs(factors).max()))
         if not face.gives_velocity:
             ends = np.outer((face.pressure.min(), face.pressure.max()), (factors.min(), factors.max()))
             pressures += [float(ends.min()), float(ends.max())]
+    speed = max(speed, max(through.values(), default=0.0) / _narrowest(case, geometry, faces[0].axis))
     if len({face.end for face in faces if not face.gives_velocity}) < 2:
         return speed, max(map(abs, pressures), default=0.0), 0.0
     drop = max(pressures) - min(pressures)
@@ -197,6 +202,13 @@ def given_scales(case: Case, geometry: Geometry) -> tuple[float, float, float]:
         axis = faces[0].axis
         driven = min(driven, drop / (lattice.upper[axis] - lattice.lower[axis]) * min(widths) ** 2 / (8.0 * thin))
     return speed, max(map(abs, pressures)), driven
+
+
+def _narrowest(case: Case, geometry: Geometry, axis: int) -> int:
+    """Return the number of fluid particles in the thinnest slice across an axis that has any, one spacing thick."""
+    along = geometry.position[geometry.kind == 0, axis] - geometry.lattice.lower[axis]
+    counts = np.bincount(np.maximum(np.floor(along / case.spacing).astype(int), 0))
+    return int(counts[counts > 0].min())
 
 
 def signal_samples(faces: list[Face], end_time: float, step: float) -> tuple[list[NDArray[np.float64]], float]:
