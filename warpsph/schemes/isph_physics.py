@@ -214,9 +214,10 @@ def derive(case: Case, geometry: Geometry, row_list: bool) -> Physics:
     velocity = scales["velocity"]
     if case.has_flow_through and velocity > 0:
         cap["inlets and outlets"] = float(choices["courant"]) * h / velocity  # of what they may do in the coming step
-    body_speed = forcing.body_speed(body_reach(forcing, geometry))
-    if body_speed > 0 and not paper:
-        cap["bodies that move"] = float(choices["courant"]) * h / body_speed  # a fluid at rest knows nothing of them yet
+    pace = max(forcing.side_speed(), forcing.body_speed(body_reach(forcing, geometry)))
+    pace = max(pace, float(np.linalg.norm(geometry.boundary_velocity, axis=1).max(initial=0.0)))
+    if pace > 0 and not paper:
+        cap["walls that move"] = float(choices["courant"]) * h / pace  # a fluid at rest knows nothing of them yet
     longest = min(float(choices["courant"]) * h / velocity if velocity > 0 else math.inf, *cap.values(), case.end_time)
     reason = "no friction"
     if viscous:
