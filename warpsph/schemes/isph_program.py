@@ -349,7 +349,7 @@ def absent(spec: Spec) -> list[Absent]:
     if not depends_on_time(spec):
         rows.append(Absent("signals", "nothing depends on time"))
     if not spec.shifting:
-        rows.append(Absent("shift", "numerics.shifting is 0"))
+        rows.append(Absent("shift, smooth_velocity", "numerics.shifting is 0"))
     if not spec.windows:
         rows.append(Absent("turn_windows, carry_origins, follow_shift", "output.lyapunov is not asked for"))
     if spec.second_order:
