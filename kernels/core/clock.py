@@ -109,6 +109,7 @@ MAXIMA = 4  # per thread: speed^2, acceleration^2, displacement^2, shift^2
 SEED = 0.9
 HORIZON = 32.0  # steps that a check of the list looks ahead
 GROWTH = 1.5  # of the step where viscosity is implicit: BDF2 needs less than 2.4
+ROUNDING = 1.0e-9  # of a number of steps: what is left after n steps of a length is a whole number of them
 SHORTEST = 3.0  # steps that a check must last to be better than a rebuild
 
 FAULT_STATE = 1
@@ -201,10 +202,9 @@ def make_advance(precision: str) -> Any:
         running = int(1)
         if left <= wp.float64(1.0e-12) * wp.abs(clock[TARGET]):
             running = 0
-        elif left <= dt:
-            dt = left
-        elif left < wp.float64(2.0) * dt:
-            dt = wp.float64(0.5) * left  # no sliver of a last step
+        elif dt > wp.float64(0.0):
+            # Steps of one length up to the target: no sliver of a last one, nor a jump, which pressures of ISPH feel.
+            dt = left / wp.ceil(left / dt * (wp.float64(1.0) - wp.float64(ROUNDING)))
         clock[STEP] = dt
         # Constraints and interface geometry follow the flow, which is slower than sound: they need no new look until a
         # particle has gone a part of h, or capillary waves have had time to move.
