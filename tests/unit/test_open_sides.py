@@ -419,6 +419,29 @@ def test_sound_speed_knows_the_narrowest_section():
         assert physics.sound_speed[0] == pytest.approx(10 * speed)
 
 
+@pytest.mark.parametrize("scheme", ["riemann", "delta_plus", "isph"])
+@pytest.mark.parametrize(("lower", "inlet", "fits"), [(0.1, {"velocity": [1, 0]}, True), (-0.1, {"velocity": [1, 0]}, False),
+                                                      (-0.1, {"velocity": [0, 0]}, True), (-0.1, {"pressure": 3}, True)])
+def test_an_inlet_into_a_dead_end_is_refused(scheme, lower, inlet, fits):
+    """A body that closes a pipe leaves what comes in no way out; a pressure or no flow may be given there."""
+    sides = {"lower": {"inlet": inlet}, "upper": {"outlet": {}}}
+    case = {
+        "dimension": 2,
+        "particle_spacing": 0.02,
+        "end_time": 1,
+        "domain": {"lower": [0, 0], "upper": [1, 0.4], "boundary": {"x": sides, "y": "wall"}},
+        "phases": {"water": {"density": 1000, "viscosity": 0.001, "sound_speed": 10}},
+        "fluids": [{"phase": "water", "shape": "rest"}],
+        "bodies": {"block": {"shape": {"box": {"lower": [0.5, lower], "upper": [0.6, 0.5]}}}},
+        "numerics": {"scheme": scheme},
+    }
+    if fits:
+        Model(Case.from_dict(case), device="cpu", threads=1)
+    else:
+        with pytest.raises(CaseError, match=r"x\.lower\.inlet\.velocity: .*1.*dead end.*leave a way"):
+            Model(Case.from_dict(case), device="cpu", threads=1)
+
+
 def test_a_ramp_that_is_not_finite_is_told_by_its_key():
     case = Case.load("cases/open_channel.yaml", ["domain.boundary.x.lower={inlet: {pressure: 1, ramp: 1/t}}"])
     with pytest.raises(CaseError, match=r"domain\.boundary\.x\.lower\.inlet\.ramp: 1/t .*finite"):

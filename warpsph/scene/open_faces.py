@@ -11,6 +11,7 @@ import numpy as np
 from warpsph.case.domain import AXES
 from warpsph.errors import CaseError, ExpressionError, Problem
 from warpsph.scene.masks import values_at
+from warpsph.scene.narrow import pieces
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -89,16 +90,19 @@ def buffer_layers(support: float, skin: float, spacing: float) -> int:
     return math.ceil((support + 0.25 * support * (1.0 + skin)) / spacing + 1.0)
 
 
-def wet_cells(geometry: Geometry, axis: int, end: int) -> NDArray[np.bool_]:
-    """Return which cells next to a side hold a fluid particle at the start, the first transverse axis fastest."""
+def wet_cells(geometry: Geometry) -> NDArray[np.bool_]:
+    """Return which cells of the domain hold a fluid particle at the start."""
     lattice = geometry.lattice
     fluid = geometry.position[geometry.kind == 0]
     index = np.floor((fluid - np.array(lattice.lower)) / np.array(lattice.spacing)).astype(int)
-    index = index[index[:, axis] == (lattice.count[axis] - 1 if end else 0)]
-    others = [k for k in range(lattice.dimension) if k != axis]
-    wet = np.zeros([lattice.count[k] for k in others], dtype=np.bool_)
-    wet[tuple(np.clip(index[:, k], 0, lattice.count[k] - 1) for k in others)] = True
-    return np.asarray(wet.T.ravel())
+    wet = np.zeros(lattice.count, dtype=np.bool_)
+    wet[tuple(np.clip(index[:, k], 0, lattice.count[k] - 1) for k in range(lattice.dimension))] = True
+    return wet
+
+
+def beside(cells: NDArray[Any], axis: int, end: int) -> NDArray[Any]:
+    """Return what cells of the domain have next to a side, the first transverse axis fastest."""
+    return np.asarray(np.take(cells, -1 if end else 0, axis).T.ravel())
 
 
 def make_faces(case: Case, geometry: Geometry, support: float, skin: float) -> list[Face]:
@@ -109,7 +113,7 @@ def make_faces(case: Case, geometry: Geometry, support: float, skin: float) -> l
     Raises CaseError where a profile has no finite value.
     """
     problems: list[Problem] = []
-    lattice = geometry.lattice
+    lattice, wet = geometry.lattice, wet_cells(geometry)
     faces = []
     for name, axis, end, flow in open_sides(case):
         others = [k for k in range(lattice.dimension) if k != axis]
@@ -119,7 +123,7 @@ def make_faces(case: Case, geometry: Geometry, support: float, skin: float) -> l
         for k, values in zip(others, grid, strict=True):
             position[:, k] = values.ravel()
         position[:, axis] = (lattice.lower, lattice.upper)[end][axis]
-        free = wet_cells(geometry, axis, end)
+        free = beside(wet, axis, end)
         path = f"domain.boundary.{AXES[axis]}.{('lower', 'upper')[end]}.{flow.word}"
         velocity, pressure, drawn = _given(flow, position, path, problems)
         count = [*(len(values) for values in axes), 1][:2]
@@ -175,9 +179,12 @@ def given_scales(case: Case, geometry: Geometry) -> tuple[float, float, float]:
 
     The first is the largest one given, or what the flow through a side makes in the narrowest section between bodies. A
     difference of pressure drives sqrt(2 dp/rho) at most, or in a viscous channel dp/L H^2/(8 mu), H its smallest width.
+
+    Raises CaseError where a given velocity leads into a dead end.
     """
     lattice = geometry.lattice
     faces = make_faces(case, geometry, 0.0, 0.0)
+    check_dead_ends(case, geometry, faces)
     times = np.linspace(0.0, case.end_time, 1001)
     speed, pressures = 0.0, []
     through = {face.end: 0.0 for face in faces}  # of one side, in sites times a speed
@@ -202,6 +209,23 @@ def given_scales(case: Case, geometry: Geometry) -> tuple[float, float, float]:
         axis = faces[0].axis
         driven = min(driven, drop / (lattice.upper[axis] - lattice.lower[axis]) * min(widths) ** 2 / (8.0 * thin))
     return speed, max(map(abs, pressures)), driven
+
+
+def check_dead_ends(case: Case, geometry: Geometry, faces: list[Face]) -> None:
+    """Raise CaseError where a velocity is given at the only inlet or outlet of the fluid behind it: it has nowhere to go."""
+    piece = pieces(wet_cells(geometry), case.periodic)
+    reached = {face.name: set(np.unique(beside(piece, face.axis, face.end))) - {0} for face in faces}
+    problems = []
+    for face in faces:
+        others = set().union(*[found for name, found in reached.items() if name != face.name])
+        through = np.isin(beside(piece, face.axis, face.end), list(reached[face.name] - others))
+        if face.gives_velocity and face.velocity[through, face.axis].any():
+            path = f"domain.boundary.{AXES[face.axis]}.{('lower', 'upper')[face.end]}.{face.flow.word}"
+            rule = "leads into a dead end: the fluid behind it reaches no other inlet or outlet"
+            given = [part.text for part in face.flow.given_velocity or ()]
+            problems.append(Problem(f"{path}.velocity", given, rule, "leave a way to an outlet"))
+    if problems:
+        raise CaseError(problems)
 
 
 def _narrowest(case: Case, geometry: Geometry, axis: int) -> int:
