@@ -49,6 +49,7 @@ GAS_FIELDS: tuple[Field, ...] = (
     Field("power", "real", "fluid", True, always, "W/kg", "rate of the internal energy; of all of it (Runge-Kutta)"),
     Field("swelling", "real", "fluid", False, adaptive, "1/s", "rate at which the smoothing length grows, over itself"),
     Field("stiffening", "real", "fluid", True, always, "m^6/kg^2", "1/(Omega rho^2), in 2-D m^4/kg^2"),
+    Field("stretching", "mat", "fluid", False, limited, "m^6/kg^2", "inverse moment of masses over rho^2, in 2-D m^4/kg^2"),
     Field("held", "uint8", "fluid", True, held, "-", "1 beside an open side: keeps the state of the start"),
     Field("density_gradient", "vec", "fluid", False, limited, "kg/m^(d+1)", "of the last gradient sweep"),
     Field("pressure_gradient", "vec", "fluid", False, limited, "Pa/m", "of the last gradient sweep"),

@@ -11,6 +11,7 @@ from warpsph.kernels.core.params import make_params, make_phase
 from warpsph.kernels.core.smoothing import make_smoothing
 from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, types_of
 
+from .gas_walls import make_image_pressure
 from .limiters import make_limiters
 from .riemann_states import make_acoustic_states, make_exact_states
 
@@ -25,15 +26,16 @@ SLOTS = 64  # of the array that the largest signal rate is gathered in
 def make_gas_exchange(spec: Spec) -> tuple[Any, Any]:
     """Return the struct `Side` and the `wp.func` exchange(i, j, ...) -> (force, power) of a pair, per unit mass of both.
 
-    With g = |W'(h_i)|/(Omega_i rho_i^2) + |W'(h_j)|/(Omega_j rho_j^2), u along the way from i to j, and the star state of
-    the reconstructed sides (theory: compressible#c2-pairs):
-        force = p_i g_i + p_j g_j + (p* - (p_L + p_R)/2) g
-        power = p_i g_i u_j + p_j g_j u_i + (p* - (p_L + p_R)/2) g u* + (p_i + p_j)/2 g (u* - (u_L + u_R)/2)
+    What the Riemann problem adds to the pressures of the particles (theory: compressible#c2-pairs). With
+    g = |W'(h_i)|/(Omega_i rho_i^2) + |W'(h_j)|/(Omega_j rho_j^2), u along the way from i to j, and the star state of
+    the reconstructed sides:
+        force = (p* - (p_L + p_R)/2) g
+        power = (p* - (p_L + p_R)/2) g u* + (p_i + p_j)/2 g (u* - (u_L + u_R)/2)
     Both are the same seen from j, but for the sign of the direction: momentum and energy are exchanged to rounding.
     """
     real = types_of(spec).real
-    ordered_step = make_limiters(spec.precision).ordered_step
-    shock_switch = make_limiters(spec.precision).shock_switch
+    limiters = make_limiters(spec.precision)
+    ordered_step, even_share, shock_switch = limiters.ordered_step, limiters.even_share, limiters.shock_switch
     acoustic, exact = make_acoustic_states(spec.precision), make_exact_states(spec.precision)
 
     @wp.struct
@@ -62,8 +64,9 @@ def make_gas_exchange(spec: Spec) -> tuple[Any, Any]:
             half = real(0.5) * shock_switch(u_l, u_r, c_l, c_r)
             rho_l = a.rho + half * ordered_step(b.rho - a.rho, a.rho_rise)
             rho_r = b.rho - half * ordered_step(b.rho - a.rho, b.rho_rise)
-            u_l = a.u + half * ordered_step(b.u - a.u, a.u_rise)
-            u_r = b.u - half * ordered_step(b.u - a.u, b.u_rise)
+            share = half * even_share(a.u_rise, b.u_rise)
+            u_l = a.u + share * a.u_rise
+            u_r = b.u - share * b.u_rise
             p_l = a.p + half * ordered_step(b.p - a.p, a.p_rise)
             p_r = b.p - half * ordered_step(b.p - a.p, b.p_rise)
             c_l = wp.sqrt(gamma * p_l / rho_l)
@@ -75,9 +78,7 @@ def make_gas_exchange(spec: Spec) -> tuple[Any, Any]:
                 star_p, star_u = exact(rho_l, u_l, p_l, c_l, rho_r, u_r, p_r, c_r, gamma)
         shock = (star_p - real(0.5) * (p_l + p_r)) * g
         heat = real(0.5) * (a.p + b.p) * g * (star_u - real(0.5) * (u_l + u_r))
-        force = a.p * a.g + b.p * b.g + shock
-        power = a.p * a.g * b.u + b.p * b.g * a.u + shock * star_u + heat
-        return force, power
+        return shock, shock * star_u + heat
 
     return Side, exchange
 
@@ -110,6 +111,7 @@ def make_gas_forces(spec: Spec) -> Any:
     _, slope = make_smoothing(spec.kernel, spec.precision)
     images = make_images(spec)
     apart, image_velocity = images.apart, images.image_velocity
+    image_pressure = make_image_pressure(spec)
     list_begin, list_step, neighbour, Listed = list_access(spec)
     image_bit = code_shift(spec.dimension)
     index_mask = (1 << image_bit) - 1
@@ -163,6 +165,7 @@ def make_gas_forces(spec: Spec) -> Any:
         density_gradient: wp.array(dtype=vec),
         pressure_gradient: wp.array(dtype=vec),
         velocity_gradient: wp.array(dtype=mat),
+        stretching: wp.array(dtype=mat),
         acceleration: wp.array(dtype=vec),
         power: wp.array(dtype=real),
         swelling: wp.array(dtype=real),
@@ -211,14 +214,15 @@ def make_gas_forces(spec: Spec) -> Any:
                 continue
             toward = way / r
             vj = velocity[j]
+            b.p = state[j][0]
+            b.rho = density[j]
             if wp.static(spec.mirror):
                 if code != 0:
                     vj = image_velocity(vj, code, sides)
+                    b.p = image_pressure(b.p, b.rho, position[j], code, params, sides)
             # seen from i: what its own motion does to its kinetic energy is left out
             a.u = real(0.0)
             b.u = wp.dot(vj - vi, toward)
-            b.rho = density[j]
-            b.p = state[j][0]
             b.c = wp.sqrt(gamma * b.p / b.rho)
             a.g = slope_i * stiffening[i]
             b.g = slope_j * stiffening[j]
@@ -226,10 +230,16 @@ def make_gas_forces(spec: Spec) -> Any:
             if wp.static(not spec.constant_h):
                 parting += mass[j] * slope_i * (b.u - a.u)
             fastest = wp.max(fastest, real(0.5) * (a.c + b.c + closing))
-            force = real(0.0)
+            push_i = (a.p * a.g) * toward
+            push_j = (b.p * b.g) * toward
+            force = real(0.0)  # what makes shocks
             rate = real(0.0)
             if wp.static(riemann):
                 if wp.static(spec.limited):
+                    push_i = (a.p * slope_i) * (stretching[i] * toward)
+                    push_j = (b.p * slope_j) * (stretching[j] * toward)
+                    if wp.static(spec.mirror):
+                        push_j = (b.p * slope_j) * mirrored(stretching[j] * mirrored(toward, code), code)
                     a.rho_rise = wp.dot(density_gradient[i], way)
                     a.p_rise = wp.dot(pressure_gradient[i], way)
                     a.u_rise = wp.dot(velocity_gradient[i] * way, toward)
@@ -238,6 +248,8 @@ def make_gas_forces(spec: Spec) -> Any:
                         back = mirrored(way, code)
                     b.rho_rise = wp.dot(density_gradient[j], back)
                     b.p_rise = wp.dot(pressure_gradient[j], back)
+                    if wp.static(spec.mirror and spec.gravity):
+                        b.p_rise += b.rho * wp.dot(params.gravity, way - back)  # the weight is not mirrored
                     rise = velocity_gradient[j] * back
                     if wp.static(spec.mirror):
                         rise = mirrored(rise, code)
@@ -248,13 +260,13 @@ def make_gas_forces(spec: Spec) -> Any:
                 h = real(0.5) * (hi + hj)
                 mean_slope = real(0.5) * (slope_i + slope_j)
                 push = viscosity(closing, r, h, rho, real(0.5) * (a.c + b.c), alpha, beta) * mean_slope
-                force = a.p * a.g + b.p * b.g + push
-                rate = a.p * a.g * b.u + b.p * b.g * a.u + real(0.5) * push * (a.u + b.u)
+                force = push
+                rate = real(0.5) * push * (a.u + b.u)
                 if wp.static(spec.conduction):
                     speed = wp.sqrt(wp.abs(a.p - b.p) / rho)
                     rate += conductivity * speed / rho * (energy[i] - energy[j]) * mean_slope
-            total -= (mass[j] * force) * toward
-            work -= mass[j] * rate
+            total -= mass[j] * (push_i + push_j + force * toward)
+            work -= mass[j] * (wp.dot(push_i, vj - vi) + rate)  # push_j works on the motion of i alone
         if wp.static(spec.gravity or spec.body_force):
             drive = params.gravity + params.body_force
             total += drive

@@ -176,6 +176,7 @@ def test_limiters(device, precision):
     real = types(2, precision).real
     limiters = make_limiters(precision)
     limited_step, ordered_step, shock_switch = limiters.limited_step, limiters.ordered_step, limiters.shock_switch
+    even_share = limiters.even_share
 
     @wp.kernel(module="unique", enable_backward=False)
     def apply(a: wp.array(dtype=real), b: wp.array(dtype=real), out: wp.array2d(dtype=real)):
@@ -183,13 +184,14 @@ def test_limiters(device, precision):
         out[i, 0] = limited_step(a[i], b[i])
         out[i, 1] = shock_switch(a[i], real(0.0), b[i], real(2.0))
         out[i, 2] = ordered_step(a[i], b[i])
+        out[i, 3] = even_share(a[i], b[i])
 
     rng = np.random.default_rng(1)
     a, b = rng.normal(size=(2, 500)).astype(real)
     a[:3], b[:3] = (1.0, 1.0, 0.0), (1.0, 0.0, 1.0)
-    out = wp.zeros((500, 3), dtype=real, device=device)
+    out = wp.zeros((500, 4), dtype=real, device=device)
     wp.launch(apply, dim=500, inputs=[wp.array(v, dtype=real, device=device) for v in (a, b)] + [out], device=device)
-    step, switch, ordered = out.numpy().T
+    step, switch, ordered, share = out.numpy().T
     # a straight line keeps its slope, an extremum loses it
     assert step[0] == 1.0 and step[1] == 0.0 and step[2] == 0.0
     far = 2 * b - a
@@ -200,4 +202,8 @@ def test_limiters(device, precision):
     assert (step * a >= 0).all() and (np.abs(step) <= 2 * np.abs(a)).all() and (np.abs(step) <= 2 * np.abs(far)).all()
     assert ((step == 0) == (far * a <= 0)).all()
     np.testing.assert_array_equal(ordered, np.sign(step) * np.minimum(np.abs(step), np.abs(a)))
+    # 1 for two equal gradients, 0 for opposite ones, second order in their relative difference
+    with np.errstate(divide="ignore", invalid="ignore"):
+        apart = ((a - b) / (a + b)).astype(float)
+    np.testing.assert_allclose(share, np.where(a * b > 0, 1 - apart**2, 0.0), atol=16 * EPS[precision])
     np.testing.assert_array_equal(switch, (a <= np.minimum(b, 2)).astype(float))

@@ -11,6 +11,7 @@ from warpsph.kernels.gas.gas_fields import ADVANCED
 from warpsph.kernels.gas.gas_forces import make_gas_forces
 from warpsph.kernels.gas.gas_gradient import make_gas_gradient
 from warpsph.kernels.gas.gas_steps import make_gas_correct, make_gas_predict, make_gas_signal, make_gas_watch
+from warpsph.kernels.gas.gas_walls import make_gas_reflect
 
 FIRST_LISTS = 3  # a smoothing length that a jump changes at the start may reach beyond the list that was made for it
 
@@ -41,7 +42,7 @@ def runge_kutta(spec: Spec, integrator: str) -> list[Node]:
 
 def rates(spec: Spec) -> list[Node]:
     """Return the stages that write acceleration and power."""
-    gradient = Stage("gradient", make_gas_gradient(spec), "fluid", "gradients of density, velocity, pressure")
+    gradient = Stage("gradient", make_gas_gradient(spec), "fluid", "gradients of density, velocity, pressure; stretching")
     reason = "pairs of Riemann problems" if spec.star else "pressure and artificial viscosity"
     forces = Stage("forces", make_gas_forces(spec), "fluid", f"acceleration and power: {reason}")
     return [density(spec), *([gradient] if spec.limited else []), forces]
@@ -55,7 +56,9 @@ def density(spec: Spec, beginning: int = 0) -> Stage:
 
 def closing(spec: Spec) -> list[Node]:
     """Return what ends a step: watch, the next step, the list."""
+    reflect = Stage("reflect", make_gas_reflect(spec), "fluid", "particles beyond a mirror become their images")
     return [
+        *([reflect] if spec.mirror else []),
         Stage("watch", make_gas_watch(spec), "fluid", "speeds, ways, faults"),
         Stage("signal", make_gas_signal(spec), "one", "largest signal rate"),
         advance(spec),
