@@ -20,7 +20,7 @@ from .gas_walls import make_image_pressure
 # Share of the full moment below which neighbours do not tell a direction apart: gradients are then left out.
 THIN = 1.0e-3
 SUDDEN = 0.05  # -h div v/c of half the share; a shock has near 1, sound and vortices of a Mach number M less than M h/L
-UNEVEN = 0.1  # det of a moment over that of an even one of the same trace, below which its trace alone is taken
+UNEVEN = 0.75  # det of a moment over that of an even one of the same trace, below which its trace alone is taken
 
 
 @functools.cache
@@ -69,7 +69,10 @@ def make_gas_gradient(spec: Spec) -> Any:
     def gentleness(closing: real, c2: real):
         """Share of the moment of masses: 0 where the gas closes in over h as in a shock; closing [m/s], c^2 [m^2/s^2]."""
         inward = wp.max(closing, real(0.0))
-        return c2 / (c2 + inward * inward * real(wp.static(1.0 / SUDDEN**2)))
+        result = real(0.0)
+        if c2 > real(0.0):
+            result = c2 / (c2 + inward * inward * real(wp.static(1.0 / SUDDEN**2)))
+        return result
 
     @wp.kernel(module="unique", enable_backward=False, module_options=SWEEP_OPTIONS)
     def gas_gradient(

@@ -28,7 +28,8 @@ def make_image_pressure(spec: Spec) -> Any:
     def image_pressure(p: real, rho: real, x: vec, code: int, params: Params, sides: Sides):
         result = p
         if wp.static(spec.gravity):
-            result = p * wp.exp(rho * wp.dot(params.gravity, lift(x, code, sides)) / p)
+            if p > real(0.0):
+                result = p * wp.exp(rho * wp.dot(params.gravity, lift(x, code, sides)) / p)
         return result
 
     return image_pressure
