@@ -254,7 +254,7 @@ def test_couette_flow_is_steady(dimension, precision, device):
         **HONEY,
     )  # fmt: skip
     long_steps(simulation)
-    simulation.model.stepper.run(1.0, 4)
+    simulation.model.stepper.run(20 * step, 4)  # steps are even up to the target
     state = simulation.state
     assert state.dt == pytest.approx(step)
     np.testing.assert_allclose(state.velocity[:, 0], state.position[:, 1], atol=5e-3)
@@ -269,7 +269,7 @@ def test_a_tank_of_honey_is_at_rest(monkeypatch, device):
     pressure, speed = deep(TANK)
     simulation.model.stepper.run(1.0, 15)
     state = simulation.state
-    assert state.dt == pytest.approx(0.02) and simulation.physics.viscous_step < 0.001
+    assert 0.95 * 0.02 < state.dt <= 0.02 * (1 + 1e-6) and simulation.physics.viscous_step < 0.001
     assert np.linalg.norm(state.velocity, axis=1).max() < 1e-4 * speed
     np.testing.assert_allclose(state.pressure, pressure * (1 - state.position[:, 1] / 0.8), rtol=0, atol=1e-3 * pressure)
 
