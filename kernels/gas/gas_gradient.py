@@ -1,6 +1,6 @@
 """Gradients of density, velocity and pressure, exact for linear fields, and what stretches pressure forces.
 
-(theory: compressible#c2-pairs, compressible#c1-density)
+(theory: compressible#c2-pairs, compressible#c1-moment)
 """
 
 import functools
