@@ -136,3 +136,12 @@ def test_a_gas_at_rest_before_walls_carries_its_weight(device):
     """The images of an atmosphere go on with its weight: errors at the walls are nearer to second order than to first."""
     coarse, fine = floor_error(40, device), floor_error(80, device)
     assert fine < 0.5**1.5 * coarse
+
+
+def test_gradients_before_walls_go_on_with_the_weight(device):
+    """dp/dy = -rho g of an atmosphere at the start, in the first rows as within."""
+    case = still(count=40, side="free_slip", noise=0.0, gravity=[0.0, -1.0],
+                 start__density="exp(-y)", start__pressure="exp(-y)")  # fmt: skip
+    model = started(case, device)
+    slope, y = model.particles.get("pressure_gradient")[:, 1], model.particles.get("position")[:, 1]
+    assert slope == pytest.approx(-np.exp(-y), rel=0.01)

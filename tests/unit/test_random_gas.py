@@ -17,8 +17,8 @@ def random_gas():
     return module
 
 
-def test_moments_that_hardly_know_a_direction_are_left(random_gas):
-    """A wave of density, 300 to 1, that falls on a floor: forces of nearly singular moments lose it after 240 steps."""
+def test_a_random_scene_lives_within_its_walls(random_gas):
+    """A wave of density, 300 to 1, that falls on a floor: 126 of its particles went through, with mirrors alone."""
     found = random_gas.judge(22, 300)
     assert found["stopped"] == "" and found["steps"] == 300 and found["beyond"] == 0
 
