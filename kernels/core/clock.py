@@ -204,7 +204,8 @@ def make_advance(precision: str) -> Any:
             running = 0
         elif dt > wp.float64(0.0):
             # Steps of one length up to the target: no sliver of a last one, nor a jump, which pressures of ISPH feel.
-            dt = left / wp.ceil(left / dt * (wp.float64(1.0) - wp.float64(ROUNDING)))
+            count = wp.ceil(left / dt * (wp.float64(1.0) - wp.float64(ROUNDING)))
+            dt = left / wp.max(count, wp.float64(1.0))  # one step where nothing limits it
         clock[STEP] = dt
         # Constraints and interface geometry follow the flow, which is slower than sound: they need no new look until a
         # particle has gone a part of h, or capillary waves have had time to move.

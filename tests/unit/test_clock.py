@@ -126,6 +126,13 @@ def test_target_is_met_by_even_steps(target):
     assert clock.advance(advancing=0).RUNNING == 0
 
 
+@pytest.mark.parametrize("cap", [1e30, np.inf])
+def test_what_nothing_limits_takes_one_step(cap):
+    """Fluid at rest without sound, gravity and friction: a step as long as what is left."""
+    free = {"STEP_CAP": cap, "COURANT": cap, "SOUND": 1e-30, "FORCE": cap, "SKIN": 1e30, "FARTHEST": 1e30}
+    assert Clock(TARGET=2.0, **free).advance(advancing=0).STEP == 2.0
+
+
 def test_late_targets_do_not_stall():
     """Long after the start a step is still taken and ends on the target."""
     clock = Clock(TIME=1e6, TARGET=1e6 + 3 * ACOUSTIC).advance(advancing=0)
