@@ -182,3 +182,20 @@ def make_smoothing(name: str, precision: str) -> tuple[Any, Any]:
     else:
         raise KeyError(name)
     return shape, slope
+
+
+@functools.cache
+def make_inner_slope(name: str, dimension: int, precision: str) -> Any:
+    """Return the `wp.func` inner_slope(norm, r, h) = |W'(r, h)| [1/m^(d+1)] for particles with their own h; norm: alpha."""
+    real = types(dimension, precision).real
+    _, slope = make_smoothing(name, precision)
+
+    @wp.func
+    def inner_slope(norm: real, r: real, h: real):
+        inverse = real(1.0) / h
+        result = -norm * slope(r * inverse) * r * inverse * inverse
+        for _axis in range(wp.static(dimension)):
+            result = result * inverse
+        return result
+
+    return inner_slope

@@ -8,7 +8,7 @@ import warp as wp
 from warpsph.kernels.core.mirror import code_shift, make_images, make_sides
 from warpsph.kernels.core.pair import WRAPPED, list_access
 from warpsph.kernels.core.params import make_params, make_phase
-from warpsph.kernels.core.smoothing import make_smoothing
+from warpsph.kernels.core.smoothing import make_inner_slope
 from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, types_of
 
 from .gas_walls import make_image_pressure
@@ -19,6 +19,10 @@ from .riemann_states import make_acoustic_states, make_exact_states
 # second order in the jump, a part in a million of the pressure. Most pairs of most flows are below.
 WEAK = 1.0e-3
 CLOSE = 0.01  # of h^2, added to r^2 so that the viscosity of a pair that touches stays finite (Monaghan 1992)
+# A pair takes from a particle at most LARGEST_SHARE p g (c + |u_j - u_i|): what sound and motion carry off, and nothing from
+# one that has nothing left. Star states of unlike gases know no such bound: a hot thin neighbour emptied a cold one.
+LARGEST_SHARE = 1.0
+STEP_LOSS = 0.5  # share of its energy that a particle may lose in a step, as predicted
 SLOTS = 64  # of the array that the largest signal rate is gathered in
 
 
@@ -31,7 +35,8 @@ def make_gas_exchange(spec: Spec) -> tuple[Any, Any]:
     the reconstructed sides:
         force = (p* - (p_L + p_R)/2) g
         power = (p* - (p_L + p_R)/2) g u* + (p_i + p_j)/2 g (u* - (u_L + u_R)/2)
-    Both are the same seen from j, but for the sign of the direction: momentum and energy are exchanged to rounding.
+    Both are the same seen from j, but for the sign of the direction: momentum and energy are exchanged to rounding. Neither
+    side loses more than `bounded` lets it (theory: compressible#c2-cold).
     """
     real = types_of(spec).real
     limiters = make_limiters(spec.precision)
@@ -48,6 +53,21 @@ def make_gas_exchange(spec: Spec) -> tuple[Any, Any]:
         rho_rise: real  # gradients times the way from i to j
         u_rise: real
         p_rise: real
+
+    @wp.func
+    def bounded(a: Side, b: Side, force: real, power: real):
+        """Force and power of which neither side loses more than sound and motion carry off; the same seen from j."""
+        speed = real(LARGEST_SHARE) * (real(0.5) * (a.c + b.c) + wp.abs(b.u - a.u))
+        lean_a = wp.min(b.rho / a.rho, real(1.0))  # g of a thin neighbour is large by the square of the ratio
+        lean_b = wp.min(a.rho / b.rho, real(1.0))
+        most_a = speed * a.p * (a.g + lean_a * lean_a * b.g)
+        most_b = speed * b.p * (b.g + lean_b * lean_b * a.g)
+        lost = force * (b.u - a.u)  # by both
+        push = force
+        if lost > most_a + most_b:
+            push = force * ((most_a + most_b) / lost)
+            lost = most_a + most_b
+        return push, push * a.u + wp.clamp(power - force * a.u, lost - most_b, most_a)
 
     @wp.func
     def exchange(a: Side, b: Side, gamma: real):
@@ -78,7 +98,7 @@ def make_gas_exchange(spec: Spec) -> tuple[Any, Any]:
                 star_p, star_u = exact(rho_l, u_l, p_l, c_l, rho_r, u_r, p_r, c_r, gamma)
         shock = (star_p - real(0.5) * (p_l + p_r)) * g
         heat = real(0.5) * (a.p + b.p) * g * (star_u - real(0.5) * (u_l + u_r))
-        return shock, shock * star_u + heat
+        return bounded(a, b, shock, shock * star_u + heat)
 
     return Side, exchange
 
@@ -101,14 +121,14 @@ def make_gas_forces(spec: Spec) -> Any:
     """Return the kernel of acceleration, power, growth of smoothing lengths and the largest rate that limits the step [1/s].
 
     The power is that of the pairs seen by a particle that moves along, so that no kinetic energy of a fast gas hides it;
-    Runge-Kutta adds the work on the motion. The rate is (c + closing/2)/h, or `swell_weight` times that of the growth of h
-    (theory: compressible#c1-time).
+    Runge-Kutta adds the work on the motion. The rate is (c + closing/2)/h, `swell_weight` times that of the growth of h, or
+    `courant` over the step that would cost the particle STEP_LOSS of its energy (theory: compressible#c1-time).
     """
     real, vec, mat, pair = types_of(spec)
     Params = make_params(spec.dimension, spec.precision)
     Phase = make_phase(spec.precision)
     Sides = make_sides(spec.dimension, spec.precision)
-    _, slope = make_smoothing(spec.kernel, spec.precision)
+    inner_slope = make_inner_slope(spec.kernel, spec.dimension, spec.precision)
     images = make_images(spec)
     apart, image_velocity = images.apart, images.image_velocity
     image_pressure = make_image_pressure(spec)
@@ -118,15 +138,6 @@ def make_gas_forces(spec: Spec) -> Any:
     Side, exchange = make_gas_exchange(spec)
     viscosity = make_viscous_exchange(spec)
     riemann = not spec.artificial_viscosity
-
-    @wp.func
-    def inner_slope(norm: real, r: real, h: real):
-        """|W'| of a smoothing length [1/m^(d+1)]."""
-        inverse = real(1.0) / h
-        result = -norm * slope(r * inverse) * r * inverse * inverse
-        for _axis in range(wp.static(spec.dimension)):
-            result = result * inverse
-        return result
 
     @wp.func
     def mirrored(v: vec, code: int):
@@ -146,6 +157,7 @@ def make_gas_forces(spec: Spec) -> Any:
         alpha: real,
         beta: real,
         conductivity: real,
+        courant: real,
         swell_weight: real,
         params: Params,
         sides: Sides,
@@ -267,6 +279,13 @@ def make_gas_forces(spec: Spec) -> Any:
                     rate += conductivity * speed / rho * (energy[i] - energy[j]) * mean_slope
             total -= mass[j] * (push_i + push_j + force * toward)
             work -= mass[j] * (wp.dot(push_i, vj - vi) + rate)  # push_j works on the motion of i alone
+        rate_here = fastest / hi
+        if wp.static(riemann):
+            # energy + work dt - |total dt|^2/2 is (1 - STEP_LOSS) energy after 1/dt = |total|^2/(work + root)
+            a2 = wp.dot(total, total)
+            spare = work + wp.sqrt(work * work + real(wp.static(2.0 * STEP_LOSS)) * a2 * wp.max(energy[i], real(0.0)))
+            if spare > real(0.0):
+                rate_here = wp.max(rate_here, courant * a2 / spare)
         if wp.static(spec.gravity or spec.body_force):
             drive = params.gravity + params.body_force
             total += drive
@@ -274,7 +293,6 @@ def make_gas_forces(spec: Spec) -> Any:
         if wp.static(spec.runge_kutta):
             work += wp.dot(total, vi)
         power[i] = work
-        rate_here = fastest / hi
         if wp.static(not spec.constant_h):
             growth = parting * stiffening[i] * a.rho * real(wp.static(1.0 / spec.dimension))
             swelling[i] = growth

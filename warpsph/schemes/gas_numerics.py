@@ -83,7 +83,8 @@ class GasNumerics(NumericsBase):
     hold_open_sides: Switch = Field(
         default="auto",
         description="particles within a support of an open side keep density, energy and velocity of the start, and go on "
-        "like a piston, at which waves are reflected: end a run before one gets there, and make the domain long enough "
-        "where gas flows in, as none is born behind them. false: the gas expands freely. auto: true",
+        "like a piston, at which weak waves are reflected; one that a compression drives to its speed of sound is let go. "
+        "Make the domain long enough where gas flows in, as none is born behind them. false: the gas expands freely. "
+        "auto: true",
         examples=["true"],
     )

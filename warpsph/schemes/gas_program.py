@@ -7,6 +7,7 @@ from warpsph.engine.program import Absent, BuildList, KeepList, Node, Program, S
 from warpsph.kernels.core.clock import make_advance
 from warpsph.kernels.core.spec import Spec
 from warpsph.kernels.gas.gas_density import make_gas_density
+from warpsph.kernels.gas.gas_ends import make_gas_release
 from warpsph.kernels.gas.gas_fields import ADVANCED
 from warpsph.kernels.gas.gas_forces import make_gas_forces
 from warpsph.kernels.gas.gas_gradient import make_gas_gradient
@@ -45,7 +46,8 @@ def rates(spec: Spec) -> list[Node]:
     gradient = Stage("gradient", make_gas_gradient(spec), "fluid", "gradients of density, velocity, pressure; stretching")
     reason = "pairs of Riemann problems" if spec.star else "pressure and artificial viscosity"
     forces = Stage("forces", make_gas_forces(spec), "fluid", f"acceleration and power: {reason}")
-    return [density(spec), *([gradient] if spec.limited else []), forces]
+    release = Stage("release", make_gas_release(spec), "fluid", "held particles that a wave has met are let go")
+    return [density(spec), *([release] if spec.held else []), *([gradient] if spec.limited else []), forces]
 
 
 def density(spec: Spec, beginning: int = 0) -> Stage:

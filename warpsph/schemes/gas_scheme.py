@@ -177,6 +177,7 @@ class GasScheme(Scheme):
             "alpha": real(choices["artificial_viscosity"]),
             "beta": real(choices["quadratic_viscosity"]),
             "conductivity": real(choices["conductivity"]),
+            "courant": real(choices["courant"]),
             "swell_weight": real(float(choices["courant"]) / STEP_GROWTH),
             "longest_smoothing": real(gas_physics.longest_smoothing(case, geometry, physics.spec)),
             "heats": real(case.phases[case.phase_names[0]].gamma - 1.0),
