@@ -12,6 +12,8 @@ from warpsph.kernels.core.smoothing import make_smoothing
 from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, types_of
 from warpsph.kernels.core.varying_list import GROWTH
 
+from .gas_fields import HELD
+
 LEAST_OMEGA = 0.05  # of the factor Omega; it is near 1 wherever a gas has neighbours
 SWEEPS = 20  # of Newton; from the length of the last step it takes two or three
 TOLERANCE = {"float32": 1.0e-5, "float64": 1.0e-11}  # relative change of h after which it stops: rounding of the sum
@@ -78,7 +80,7 @@ def make_gas_density(spec: Spec) -> Any:
         omega = real(1.0)
         solving = bool(True)
         if wp.static(spec.held):
-            solving = held[i] == wp.uint8(0)
+            solving = held[i] != wp.uint8(HELD)
         wrapped = bool(False)
         if wp.static(any(spec.periodic)):
             wrapped = (int(flags[i]) & WRAPPED) != 0

@@ -11,6 +11,7 @@ from warpsph.kernels.core.params import make_params, make_phase
 from warpsph.kernels.core.smoothing import make_inner_slope
 from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, types_of
 
+from .gas_fields import GOING, HELD
 from .riemann_states import make_acoustic_states
 
 # Share of its speed of sound that a wave gives a held particle on the way of a smoothing length, from which it is let go: a
@@ -26,6 +27,9 @@ def make_gas_release(spec: Spec) -> Any:
     smoothing length has: held on, the particle would stand in the gas as a wall, or fly through it whatever it weighs. With
     the star pressures of its pairs with gas that is not held, `|sum m_j max(p* - p_i, 0) (g_i + g_j) e_ij| h_i > MET c_i^2`:
     an even stream has p* = p_i and holds for ever, and so does what expands.
+
+    Runs at the end of a step. In the next one the particle is GOING: it has density, gradients and rates, which limit the
+    step after that, but they do not move it yet: a step that knows nothing of it would be too long. `gas_watch` ends that.
     """
     real, vec, _, pair = types_of(spec)
     Params = make_params(spec.dimension, spec.precision)
@@ -61,7 +65,7 @@ def make_gas_release(spec: Spec) -> Any:
         state: wp.array(dtype=pair),
     ):
         i = wp.tid() + first
-        if held[i] == wp.uint8(0):
+        if held[i] != wp.uint8(HELD):
             return
         gamma = phases[0].gamma
         wrapped = bool(False)
@@ -98,6 +102,6 @@ def make_gas_release(spec: Spec) -> Any:
             star_p, star_u = acoustic(density[i], real(0.0), p, sound, density[j], u, p_j, c_j, gamma)
             force += (mass[j] * wp.max(star_p - p, real(0.0)) * (slope_i * stiffening[i] + slope_j * stiffening[j])) * toward
         if wp.length(force) * smoothing[i] > real(MET) * sound * sound:
-            held[i] = wp.uint8(0)
+            held[i] = wp.uint8(GOING)
 
     return gas_release

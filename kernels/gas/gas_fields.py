@@ -3,6 +3,9 @@
 from warpsph.kernels.core.fields import COMMON, FLOW, Field, always
 from warpsph.kernels.core.spec import Spec
 
+HELD, GOING = 1, 2
+"""values of the field `held`; 0: a particle that moves as every other"""
+
 _SHARED = {"acceleration", "density_excess", "rest_volume", "state", "zone"}
 
 
@@ -50,7 +53,7 @@ GAS_FIELDS: tuple[Field, ...] = (
     Field("swelling", "real", "fluid", False, adaptive, "1/s", "rate at which the smoothing length grows, over itself"),
     Field("stiffening", "real", "fluid", True, always, "m^6/kg^2", "1/(Omega rho^2), in 2-D m^4/kg^2"),
     Field("stretching", "mat", "fluid", False, limited, "m^6/kg^2", "inverse moment of masses over rho^2, in 2-D m^4/kg^2"),
-    Field("held", "uint8", "fluid", True, held, "-", "1 beside an open side: keeps the state of the start"),
+    Field("held", "uint8", "fluid", True, held, "-", "1 beside an open side: state of the start; 2 about to be let go"),
     Field("density_gradient", "vec", "fluid", False, limited, "kg/m^(d+1)", "of the last gradient sweep"),
     Field("pressure_gradient", "vec", "fluid", False, limited, "Pa/m", "of the last gradient sweep"),
     Field("velocity_gradient", "mat", "fluid", False, limited, "1/s", "[a, b] = d v_a/d x_b, of the last gradient sweep"),

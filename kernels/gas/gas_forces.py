@@ -11,6 +11,7 @@ from warpsph.kernels.core.params import make_params, make_phase
 from warpsph.kernels.core.smoothing import make_inner_slope
 from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, types_of
 
+from .gas_fields import GOING, HELD
 from .gas_walls import make_image_pressure
 from .limiters import make_limiters
 from .riemann_states import make_acoustic_states, make_exact_states
@@ -185,7 +186,7 @@ def make_gas_forces(spec: Spec) -> Any:
     ):
         i = wp.tid() + first
         if wp.static(spec.held):
-            if held[i] != wp.uint8(0):
+            if held[i] == wp.uint8(HELD):
                 acceleration[i] = vec()
                 power[i] = real(0.0)
                 if wp.static(not spec.constant_h):
@@ -297,6 +298,10 @@ def make_gas_forces(spec: Spec) -> Any:
             growth = parting * stiffening[i] * a.rho * real(wp.static(1.0 / spec.dimension))
             swelling[i] = growth
             rate_here = wp.max(rate_here, swell_weight * growth)
+        if wp.static(spec.held):
+            if held[i] == wp.uint8(GOING):
+                acceleration[i] = vec()
+                power[i] = real(0.0)
         slot = i % wp.static(SLOTS)
         if rate_here > signal_rates[slot]:
             wp.atomic_max(signal_rates, slot, rate_here)

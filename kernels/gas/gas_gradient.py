@@ -15,6 +15,7 @@ from warpsph.kernels.core.smoothing import make_smoothing
 from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, types_of
 
 from .gas_density import LEAST_OMEGA
+from .gas_fields import HELD
 from .gas_walls import make_image_pressure
 
 # Share of the full moment below which neighbours do not tell a direction apart: gradients are then left out.
@@ -148,7 +149,7 @@ def make_gas_gradient(spec: Spec) -> Any:
         even = stiffening[i] * wp.identity(n=wp.static(spec.dimension), dtype=real)
         gentle = gentleness(-wp.trace(slopes) * smoothing[i], gamma * state[i][0] / rho)
         if wp.static(spec.held):
-            if held[i] != wp.uint8(0):
+            if held[i] == wp.uint8(HELD):
                 gentle = real(0.0)  # what is beyond the open side is not there to be summed
         stretching[i] = even + gentle * (stretched(masses) / (rho * rho) - even)
 

@@ -9,6 +9,7 @@ from warpsph.kernels.core.clock import MAXIMA, SEED, SIGNAL_RATE, STEP
 from warpsph.kernels.core.spec import Spec, types_of
 from warpsph.kernels.core.varying_list import GROWTH
 
+from .gas_fields import GOING
 from .gas_forces import SLOTS
 
 STEP_GROWTH = 0.45 * GROWTH  # of a smoothing length in one step, as a step may carry a particle by 0.45 of the skin
@@ -95,7 +96,8 @@ def make_gas_watch(spec: Spec) -> Any:
     """Return the kernel that reports speeds and ways to the clock, and what is not finite or has no energy left.
 
     A smoothing length that a step like the last would make grow by more than the list allows for uses it up, as half a skin
-    of way does. One whose support is longer than what has one image at most, `longest_smoothing`, is a fault.
+    of way does. One whose support is longer than what has one image at most, `longest_smoothing`, is a fault. A particle
+    that is GOING moves from the next step on.
     """
     real, vec, _, _ = types_of(spec)
 
@@ -115,6 +117,7 @@ def make_gas_watch(spec: Spec) -> Any:
         smoothing: wp.array(dtype=real),
         listed_smoothing: wp.array(dtype=real),
         swelling: wp.array(dtype=real),
+        held: wp.array(dtype=wp.uint8),
         maxima: wp.array(dtype=real),
         faults: wp.array(dtype=int),
     ):
@@ -136,6 +139,9 @@ def make_gas_watch(spec: Spec) -> Any:
         sound = v2 < real(1.0e30) and wp.dot(position[i], position[i]) < real(1.0e30) and a2 < real(1.0e36)
         if not (sound and energy[i] > real(0.0) and density[i] > real(0.0) and smoothing[i] <= longest_smoothing):
             wp.atomic_min(faults, slot, i)
+        if wp.static(spec.held):
+            if held[i] == wp.uint8(GOING):
+                held[i] = wp.uint8(0)
 
     return gas_watch
 

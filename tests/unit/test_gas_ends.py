@@ -155,9 +155,10 @@ def test_both_sides_see_the_same_exchange():
     assert (np.abs(there[:, 1] + here[:, 1]) < 1e-9 * scale).all()
 
 
-@pytest.mark.parametrize("seed, steps", [(237, 20), (146, 150)])
+@pytest.mark.parametrize("seed, steps", [(237, 20), (146, 150), (209, 40)])
 def test_random_scenes_that_lost_an_energy_live(seed, steps):
-    """Dense hot gas let loose on thin cold gas, and held gas that flies into dense gas (docs/records/gas.md#ends)."""
+    """Dense hot gas let loose on thin cold gas, held gas that flies into dense gas, and held gas that dense gas hits: it
+    was lost in the step in which it was let go (docs/records/gas.md#ends)."""
     spec = importlib.util.spec_from_file_location("random_gas", ROOT / "scripts" / "random_gas.py")
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)

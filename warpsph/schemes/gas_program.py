@@ -46,8 +46,7 @@ def rates(spec: Spec) -> list[Node]:
     gradient = Stage("gradient", make_gas_gradient(spec), "fluid", "gradients of density, velocity, pressure; stretching")
     reason = "pairs of Riemann problems" if spec.star else "pressure and artificial viscosity"
     forces = Stage("forces", make_gas_forces(spec), "fluid", f"acceleration and power: {reason}")
-    release = Stage("release", make_gas_release(spec), "fluid", "held particles that a wave has met are let go")
-    return [density(spec), *([release] if spec.held else []), *([gradient] if spec.limited else []), forces]
+    return [density(spec), *([gradient] if spec.limited else []), forces]
 
 
 def density(spec: Spec, beginning: int = 0) -> Stage:
@@ -59,9 +58,11 @@ def density(spec: Spec, beginning: int = 0) -> Stage:
 def closing(spec: Spec) -> list[Node]:
     """Return what ends a step: watch, the next step, the list."""
     reflect = Stage("reflect", make_gas_reflect(spec), "fluid", "particles beyond a mirror become their images")
+    release = Stage("release", make_gas_release(spec), "fluid", "held particles that a wave has met are let go")
     return [
         *([reflect] if spec.mirror else []),
         Stage("watch", make_gas_watch(spec), "fluid", "speeds, ways, faults"),
+        *([release] if spec.held else []),
         Stage("signal", make_gas_signal(spec), "one", "largest signal rate"),
         advance(spec),
         KeepList(),
