@@ -72,7 +72,7 @@ def test_an_end_that_leaves_a_vacuum_behind_is_held(device):
 
 
 def test_what_is_let_go_sets_off_a_step_later_with_its_own_density(device):
-    """A particle at rest has the density of the start as long as it is held, that of the sum in the next step, then moves."""
+    """A particle at rest has the density of the start while it is held, that of the sum in the next step, and then moves."""
     model = Model(tube("where(x < 0.3, 100, 1)"), threads=1, device=device)
     model.stepper.prepare(fresh=True)
     for _ in range(500):
