@@ -30,6 +30,7 @@ def make_gas_release(spec: Spec) -> Any:
 
     Runs at the end of a step. In the next one the particle is GOING: it has density, gradients and rates, which limit the
     step after that, but they do not move it yet: a step that knows nothing of it would be too long. `gas_watch` ends that.
+    Of the three values this launch takes HELD to GOING alone and asks its neighbours for 0 alone, in whatever order it runs.
     """
     real, vec, _, pair = types_of(spec)
     Params = make_params(spec.dimension, spec.precision)
