@@ -1,4 +1,7 @@
-"""The planes of walls that a particle may touch: one for each axis that a normal may lie nearest to, at the nearest foot."""
+"""The planes of walls that a particle may touch: one for each axis that a normal may lie nearest to, at the nearest foot.
+
+And those that walls of whole cells, which have no normals, make along the axes of the lattice.
+"""
 
 import functools
 from typing import Any, NamedTuple
@@ -56,3 +59,49 @@ def make_planes(dimension: int, precision: str) -> Planes:
         return result
 
     return Planes(none, noted)
+
+
+class CellFaces(NamedTuple):
+    """`wp.func`s of the plane that cells of a wall make; vectors have an entry, 0 or 1, for each axis.
+
+    Attributes:
+        before: before(d, half_cell), 1 for the axis along which a cell at the distance d is straight ahead.
+        along: along(before, low, high, spacing), 1 for an axis along which the cells are a plane.
+    """
+
+    before: Any
+    along: Any
+
+
+@functools.cache
+def make_cell_faces(dimension: int, precision: str) -> CellFaces:
+    """Return the faces of cells of a dimension and precision.
+
+    Cells are a plane along an axis if some are straight ahead along another one and none along this, and if what is in
+    reach of them, from `low` to `high` [m], is as far on both sides to a spacing: so it is, wherever above them a particle
+    is, but where they end or meet other walls.
+    """
+    real, vec, _, _ = types(dimension, precision)
+
+    @wp.func
+    def before(d: vec, half_cell: real):
+        result = vec()
+        for axis in range(wp.static(dimension)):
+            ahead = bool(True)
+            for other in range(wp.static(dimension)):
+                if other != axis and wp.abs(d[other]) > half_cell:
+                    ahead = False
+            if ahead:
+                result[axis] = real(1.0)
+        return result
+
+    @wp.func
+    def along(before: vec, low: vec, high: vec, spacing: real):
+        result = vec()
+        if wp.dot(before, before) > real(0.0):
+            for axis in range(wp.static(dimension)):
+                if before[axis] == real(0.0) and wp.abs(low[axis] + high[axis]) <= spacing:
+                    result[axis] = real(1.0)
+        return result
+
+    return CellFaces(before, along)

@@ -34,7 +34,7 @@ from warpsph.kernels.core.clock import MAXIMA, STEP
 from warpsph.kernels.core.fields import FLUID
 from warpsph.kernels.core.pair import BAND, NEAR, WRAPPED, list_access, look_ahead, make_at, make_part, separation_of, way_of
 from warpsph.kernels.core.params import make_params, make_phase
-from warpsph.kernels.core.planes import make_planes
+from warpsph.kernels.core.planes import make_cell_faces, make_planes
 from warpsph.kernels.core.smoothing import make_smoothing
 from warpsph.kernels.core.spec import Spec, curvature_type, pair_sweep, types_of
 from warpsph.kernels.core.time_signals import GRAVITY_NEXT, make_forcing
@@ -45,6 +45,7 @@ from warpsph.kernels.core.viscosity import (
     make_viscosity,
     make_viscous_parts,
 )
+from warpsph.kernels.core.wall_share import PARALLEL
 
 from .disorder import UNKNOWN, make_disorder_due, make_disorder_speed, make_own_gradient
 from .interface_flow import make_density_between
@@ -80,6 +81,8 @@ def make_momentum(spec: Spec) -> Any:
     alone_at_wall, wall_reaction = make_one_sided(spec.dimension, spec.precision)
     touching, held_off = make_touch(spec.dimension, spec.precision)
     no_planes, noted = make_planes(spec.dimension, spec.precision)
+    cell_faces = make_cell_faces(spec.dimension, spec.precision)
+    before_cell, along_cells = cell_faces.before, cell_faces.along
     viscous = spec.viscosity != "none"
     viscous_term = make_viscosity(spec.viscosity if viscous else "morris", spec.dimension, spec.precision)
     share, with_way = make_viscous_parts(spec.viscosity if viscous else "morris", spec.dimension, spec.precision)
@@ -204,6 +207,9 @@ def make_momentum(spec: Spec) -> Any:
         approach = real(0.0)  # sum of F V x_ij.(v_i - v_w): speed into the wall times |into_wall|
         repulsion = vec()
         moment = mat()
+        washboard = vec()  # sum of 2 p_i F V x_ij over walls that push
+        before, low, high = vec(), vec(), vec()  # the faces of cells and how far they go, see `planes`
+        plane_normal, plane = vec(), bool(True)  # of the first wall particle, and that of all others
         half_cell = vec(real(0.5) * params.spacing)
         half_row = real(0.5) * params.spacing * params.inv_h  # least depth that friction counts
         lone = real(0.0)
@@ -414,6 +420,17 @@ def make_momentum(spec: Spec) -> Any:
                     if wp.static(spec.free_surface):
                         p_both = wp.max(p_both, real(0.0))  # a wall does not hold back a fluid that leaves it
                     pressure_sum += p_both * fd
+                    # of the own pressure: along a plane it is how the wall's particles lie (theory: riemann#smooth)
+                    if p_both > real(0.0):
+                        washboard += (real(2.0) * p_i) * fd
+                    if f != real(0.0):
+                        if wp.static(spec.bodies):
+                            if wp.dot(plane_normal, plane_normal) == real(0.0):
+                                plane_normal = wall_normal[j - fluid_count]
+                            plane = plane and wp.dot(wall_normal[j - fluid_count], plane_normal) > real(PARALLEL)
+                        else:
+                            before = wp.max(before, before_cell(d, half_cell[0]))
+                            low, high = wp.min(low, d), wp.max(high, d)
                     if wp.static(spec.shifting):
                         own_sum += (p_wall - p_i) * fd
                 if wp.static(spec.shifting):
@@ -432,6 +449,12 @@ def make_momentum(spec: Spec) -> Any:
                             wall_flow += wp.outer(mirror - vi, fd)
                         viscous_sum += rub * viscous_term(vi - mirror, d, r2 + params.tiny, params.inv_h)
 
+        if wp.static(spec.walls and not spec.corrected):
+            if wp.static(spec.bodies):
+                if plane:
+                    pressure_sum -= washboard - plane_normal * wp.dot(plane_normal, washboard)
+            else:
+                pressure_sum -= wp.cw_mul(along_cells(before, low, high, params.spacing), washboard)
         wall_push = real(0.0)
         if wp.static(spec.walls):
             gap = wp.sqrt(gap2) / params.spacing
