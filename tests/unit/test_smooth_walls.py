@@ -2,6 +2,7 @@
 
 import copy
 import math
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,7 @@ from warpsph.running.model import Model
 
 quiet_warp()
 
+CASES = Path(__file__).resolve().parents[2] / "cases"
 QUIET = ["output={particles: none, checkpoint: none}"]
 SPACING = 1 / 40
 SPEED = 0.1
@@ -121,3 +123,19 @@ def test_where_cells_are_a_plane(cells, plane):
     places = wp.array(np.array(cells, dtype=float).reshape(-1, 2) - 1 / 3, dtype=wp.vec2d, device="cpu")
     wp.launch(apply, dim=1, inputs=[places, out], device="cpu")
     assert out.numpy()[0].tolist() == plane
+
+
+def test_a_round_wall_is_no_plane():
+    """What its particles do along themselves adds up to nothing around the drum: the angular momentum stays."""
+    case = warpsph.load_case(CASES / "turning_ring.yaml", ["numerics.scheme=riemann", "particle_spacing=1/50", "reference={}", "validation={}", *QUIET])
+    model = Model(case, threads=1)
+    model.stepper.prepare(fresh=True)
+
+    def momentum() -> float:
+        fluid = model.snapshot().fluid
+        x, v = fluid.position.astype(float), fluid.velocity.astype(float)
+        return float((fluid.mass * (x[:, 0] * v[:, 1] - x[:, 1] * v[:, 0])).sum())
+
+    start = momentum()
+    model.stepper.run(0.2, 10**9)
+    assert momentum() == pytest.approx(start, rel=3e-5)
