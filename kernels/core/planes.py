@@ -105,3 +105,23 @@ def make_cell_faces(dimension: int, precision: str) -> CellFaces:
         return result
 
     return CellFaces(before, along)
+
+
+@functools.cache
+def make_along_plane(dimension: int, precision: str, cells: bool) -> Any:
+    """Return the `wp.func` along_plane(plane, v): the part of the vector v along a plane, 0 where `plane` is 0.
+
+    `plane` is the normal of the plane, or of `cells` what `along` of `make_cell_faces` returns.
+    """
+    real, vec, _, _ = types(dimension, precision)
+
+    @wp.func
+    def along_plane(plane: vec, v: vec):
+        if wp.static(cells):
+            return wp.cw_mul(plane, v)
+        result = vec()
+        if wp.dot(plane, plane) > real(0.0):
+            result = v - plane * wp.dot(plane, v)
+        return result
+
+    return along_plane

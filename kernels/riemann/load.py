@@ -1,9 +1,10 @@
 """Force of the fluid on each wall particle, when a gauge asks for it.
 
 The pair force of the conservative gradient, F = V_f V_w (p_f + p_w) grad_f W, and friction, both with the opposite
-sign of what the fluid particle feels. With bodies friction is kept apart too, walls that turn have a twist beside pairs of
-the Morris form, and pairs act halfway between their particles, as in `kernels/delta/delta_load.py`; with the corrected
-gradient, which has no pair forces, their load is the integral over the surface (`kernels/core/surface_load.py`).
+sign of what the fluid particle feels: before planes without 2 p_f along them (theory: riemann#smooth). With bodies friction
+is kept apart too, walls that turn have a twist beside pairs of the Morris form, and pairs act halfway between their
+particles, as in `kernels/delta/delta_load.py`; with the corrected gradient, which has no pair forces, their load is the
+integral over the surface (`kernels/core/surface_load.py`).
 """
 
 import functools
@@ -13,6 +14,7 @@ import warp as wp
 
 from warpsph.kernels.core.pair import list_access, separation_of
 from warpsph.kernels.core.params import make_params, make_phase
+from warpsph.kernels.core.planes import make_along_plane
 from warpsph.kernels.core.poses import make_pose, make_velocity_at
 from warpsph.kernels.core.smoothing import make_smoothing
 from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, types_of
@@ -32,6 +34,7 @@ def make_load(spec: Spec) -> Any:
     velocity_at = make_velocity_at(spec)
     couple_of = make_couple(spec.dimension, spec.precision)
     separation = separation_of(spec)
+    along_plane = make_along_plane(spec.dimension, spec.precision, not spec.bodies)
     list_begin, list_step, neighbour, Listed = list_access(spec)
     gravity_of, _ = make_forcing(spec)
     form = spec.viscosity if spec.viscosity != "none" else "morris"
@@ -63,6 +66,7 @@ def make_load(spec: Spec) -> Any:
         wall_normal: wp.array(dtype=vec),
         slip: wp.array(dtype=wp.uint8),
         wall_impact: wp.array(dtype=real),
+        wall_plane: wp.array(dtype=vec),
         load: wp.array(dtype=vec),
         friction: wp.array(dtype=vec),
         twist: wp.array(dtype=vec),
@@ -104,6 +108,9 @@ def make_load(spec: Spec) -> Any:
             f = slope(q) * state_j[1] * wall_volume * params.g_norm
             rub = phases[own].viscosity * (friction_slope(q) * state_j[1] * wall_volume * params.g_norm)
             push = ((state_j[0] + p_w + wall_impact[j]) * f) * d
+            if wp.static(not spec.corrected):
+                if state_j[0] + p_w > real(0.0):
+                    push -= along_plane(wall_plane[j], (real(2.0) * state_j[0] * f) * d)
             spun = vec()
             if wp.static(spec.wall_no_slip):
                 if slip[w] == wp.uint8(0):

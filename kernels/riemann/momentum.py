@@ -34,7 +34,7 @@ from warpsph.kernels.core.clock import MAXIMA, STEP
 from warpsph.kernels.core.fields import FLUID
 from warpsph.kernels.core.pair import BAND, NEAR, WRAPPED, list_access, look_ahead, make_at, make_part, separation_of, way_of
 from warpsph.kernels.core.params import make_params, make_phase
-from warpsph.kernels.core.planes import make_cell_faces, make_planes
+from warpsph.kernels.core.planes import make_along_plane, make_cell_faces, make_planes
 from warpsph.kernels.core.smoothing import make_smoothing
 from warpsph.kernels.core.spec import Spec, curvature_type, pair_sweep, types_of
 from warpsph.kernels.core.time_signals import GRAVITY_NEXT, make_forcing
@@ -83,6 +83,7 @@ def make_momentum(spec: Spec) -> Any:
     no_planes, noted = make_planes(spec.dimension, spec.precision)
     cell_faces = make_cell_faces(spec.dimension, spec.precision)
     before_cell, along_cells = cell_faces.before, cell_faces.along
+    along_plane = make_along_plane(spec.dimension, spec.precision, not spec.bodies)
     viscous = spec.viscosity != "none"
     viscous_term = make_viscosity(spec.viscosity if viscous else "morris", spec.dimension, spec.precision)
     share, with_way = make_viscous_parts(spec.viscosity if viscous else "morris", spec.dimension, spec.precision)
@@ -137,6 +138,7 @@ def make_momentum(spec: Spec) -> Any:
         density_excess: wp.array(dtype=real),
         settled: wp.array(dtype=real),
         wall_impact: wp.array(dtype=real),
+        wall_plane: wp.array(dtype=vec),
         acceleration: wp.array(dtype=vec),
         shift: wp.array(dtype=vec),
         carried: wp.array(dtype=vec),
@@ -450,11 +452,12 @@ def make_momentum(spec: Spec) -> Any:
                         viscous_sum += rub * viscous_term(vi - mirror, d, r2 + params.tiny, params.inv_h)
 
         if wp.static(spec.walls and not spec.corrected):
-            if wp.static(spec.bodies):
-                if plane:
-                    pressure_sum -= washboard - plane_normal * wp.dot(plane_normal, washboard)
-            else:
-                pressure_sum -= wp.cw_mul(along_cells(before, low, high, params.spacing), washboard)
+            if wp.static(not spec.bodies):
+                plane_normal = along_cells(before, low, high, params.spacing)
+            elif not plane:
+                plane_normal = vec()
+            wall_plane[i] = plane_normal
+            pressure_sum -= along_plane(plane_normal, washboard)
         wall_push = real(0.0)
         if wp.static(spec.walls):
             gap = wp.sqrt(gap2) / params.spacing

@@ -32,6 +32,10 @@ def _bodies_corrected(spec: Spec) -> bool:
     return bodies(spec) and spec.corrected
 
 
+def _pressed(spec: Spec) -> bool:
+    return walls(spec) and not spec.corrected
+
+
 def _staged(spec: Spec) -> bool:
     return spec.viscous_stages > 1
 
@@ -68,6 +72,7 @@ RIEMANN_FIELDS: tuple[Field, ...] = (
     Field("settled", "real", "fluid", True, _relaxing, "Pa", "pressure of the density, late by the time of relaxation"),
     Field("inertia", "vec", "fluid", True, _inertia, "m/s^2", "pressure gradient over density less gravity, followed"),
     Field("wall_impact", "real", "fluid", True, walls, "Pa", "what a wall adds to the pressure of an impact"),
+    Field("wall_plane", "vec", "fluid", True, _pressed, "-", "normal of a plane of walls; of cells the axes along it"),
     Field("pressure_gradient", "vec", "fluid", True, _bodies_corrected, "Pa/m", "of the own phase"),
     Field("rate_odd", "vec", "fluid", False, _staged, "m/s^2", "y of the odd stages of friction"),
     Field("rate_even", "vec", "fluid", False, _staged, "m/s^2", "y of the even ones"),

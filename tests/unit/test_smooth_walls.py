@@ -69,6 +69,19 @@ def test_water_slides_on_a_floor_as_it_comes(changes):
         assert np.abs(v[:, 0] - SPEED).max() < 0.01 * SPEED
 
 
+@pytest.mark.parametrize(("changes", "floor"), [([], "domain"), (FLOOR, "floor")], ids=["cells", "body"])
+def test_the_gauge_of_a_floor_has_what_the_fluid_feels(changes, floor):
+    """A quarter of a spacing beside the floor's particles: with all of the pairs 9e-4 of the weight, to one side.
+
+    What is left is the part of pressure differences over a spacing, a tenth of that.
+    """
+    model = begun(STREAM, [*changes, "gauges={force: {type: wall_force, interval: 0.01}}"])
+    model.stepper.run(0.25 * SPACING / SPEED, 10**9)
+    forces = model.wall_forces()
+    assert forces[f"wall_force_y {floor}"] == pytest.approx(-9.81 * 1000 * 0.5 * 0.25, rel=0.02)
+    assert abs(forces[f"wall_force_x {floor}"]) < 3e-4 * abs(forces[f"wall_force_y {floor}"])
+
+
 @pytest.mark.parametrize("changes", [[], FLOOR], ids=["cells", "body"])
 def test_rows_above_a_floor_move_with_the_wave(changes):
     """Half a period of a standing wave, so low that no particle goes half a spacing: rows are not held by the floor.
