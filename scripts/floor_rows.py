@@ -74,6 +74,10 @@ def main() -> None:
     parser.add_argument("--body", action="store_true", help="the floor is a body, not a side of the domain")
     parser.add_argument("--set", nargs="*", default=[], metavar="KEY=VALUE", help="keys of the case")
     args = parser.parse_args()
+    if args.spacings < 24:
+        parser.error("--spacings has to be 24 at least: with fewer a quarter of a metre has no six rows")
+    if args.height <= 0.0:
+        parser.error("--height has to be above 0: velocities are told over those of the wave")
     case: Case = warpsph.load_case(scene(args.spacings, args.height, args.scheme, args.body), args.set)
     model = Model(case, threads=1, device="cpu")
     model.stepper.prepare(fresh=True)
