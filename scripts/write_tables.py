@@ -15,6 +15,7 @@ A table stands between two marks, each a line of its own, anywhere in README.md 
     validation_h200                    every row of the records of the H200, with its value and reference
     commands_h200                      the commands of these records
     speed_cpu, speed_h200              million particle-steps a second
+    lanes_h200                         milliseconds a step by how many threads a particle has
     profile_h200                       the stages that take most of a step, and their share of the copy bandwidth
     benchmark_NAME_DEVICE              fronts, defaults, targets, failures, others of the benchmark on cpu, h200
     benchmark_commands                 the commands of these records
@@ -398,6 +399,18 @@ def speed_h200() -> str:
     return table(head, "lrrrrr", lines)
 
 
+def lanes_h200() -> str:
+    """Milliseconds a step by lanes of a particle, the number that runs take by themselves in bold."""
+    rows = _speeds("lanes_h200")
+    lanes = list(rows[0]["ms_per_step"])
+    lines = []
+    for row in rows:
+        times = [f"{row['ms_per_step'][n]:.3f}" for n in lanes]
+        bold = [f"**{text}**" if int(n) == row["rule"] else text for n, text in zip(lanes, times, strict=True)]
+        lines.append([row["scene"], spaced(row["particles"]), *bold])
+    return table(["scene", "particles", *lanes], "lr" + "r" * len(lanes), lines)
+
+
 def profile_h200() -> str:
     """The stages of each scene that take most of its time, and how near they come to the bandwidth of a copy.
 
@@ -442,6 +455,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "commands_h200": commands_h200,
     "speed_cpu": speed_cpu,
     "speed_h200": speed_h200,
+    "lanes_h200": lanes_h200,
     "profile_h200": profile_h200,
     "benchmark_commands": benchmark_tables.commands,
     **{name: lambda make=make: cells_or_none(*make()) for name, make in benchmark_tables.tables().items()},

@@ -98,6 +98,7 @@ class Spec:
         internal_energy: the fluid has an internal energy that is no function of its density (gas).
         row_list: neighbour list stored particle by particle (CPU) instead of neighbour by neighbour (GPU).
         few: so few particles that a GPU runs all of them at once, whatever registers a sweep takes.
+        lanes: threads of a particle in sweeps over pairs on a GPU, see `lanes`; 1 on a CPU.
         wide_list: the neighbour list has more entries than 31 bits number; known with its width.
     """
 
@@ -169,6 +170,7 @@ class Spec:
     internal_energy: bool = False
     row_list: bool = True
     few: bool = False
+    lanes: int = 1
     wide_list: bool = False
 
     @property
@@ -194,8 +196,8 @@ def pair_sweep(spec: Spec, blocks: int = 4) -> dict[str, Any]:
     that by other threads. With several phases a sweep would take up to 128 registers and more, so that a quarter of the
     threads or fewer fit; limited to what lets `blocks` blocks run side by side, the rest in the first cache, momentum and
     continuity of the droplet of `bench_speed` are 1.7 and 1.4 times quicker (H200; in 3-D and in float64 1.2 to 1.8 times,
-    docs/speed.md#registers). With one phase the compiler needs fewer by itself, and a limit costs up to 10 %; where two
-    blocks on each multiprocessor hold all particles (`few_particles`) nothing waits for registers, and it costs 5 %.
+    docs/speed.md#registers). With one phase the compiler needs fewer by itself, and a limit costs up to 10 %; where there
+    are so few particles that hardly one waits for registers (`few_particles`) it costs 5 to 10 %.
 
     Args:
         blocks: blocks of BLOCK threads on a multiprocessor.
@@ -209,12 +211,13 @@ def pair_sweep(spec: Spec, blocks: int = 4) -> dict[str, Any]:
     return options | ({"launch_bounds": (BLOCK, blocks)} if spec.multiphase and not spec.few else {})
 
 
-def few_particles(count: int, multiprocessors: int) -> bool:
-    """Return whether a GPU runs as many particles at once as a sweep over pairs without a limit on its registers.
+def few_particles(spec: Spec, count: int, multiprocessors: int) -> bool:
+    """Return whether so few particles are quicker in sweeps over several phases without a limit on registers.
 
-    Of 128 registers and fewer, which the sweeps over several phases take, two blocks have room on a multiprocessor.
+    Of 128 registers, which these sweeps take in single precision, two blocks have room on a multiprocessor; up to twice as
+    many particles wait for that for less time than a limit costs, with any number of lanes (docs/speed.md#lanes).
     """
-    return count <= 2 * BLOCK * multiprocessors
+    return count <= (4 if spec.precision == "float32" else 2) * BLOCK * multiprocessors
 
 
 class Types(NamedTuple):

@@ -16,6 +16,7 @@ from typing import Any
 
 import warp as wp
 
+from .lanes import lanes_of, shared
 from .pair import list_access, separation_of
 from .params import make_params, make_phase
 from .smoothing import make_smoothing
@@ -34,6 +35,7 @@ def make_wall(spec: Spec) -> Any:
     separation = separation_of(spec)
     list_begin, list_step, neighbour, Listed = list_access(spec)
     gravity_of, _ = make_forcing(spec)
+    particle_of, lane_of, part_of, added, added_vec = lanes_of(spec, real, vec)
     extrapolated = spec.second_order
     time_weights = make_weights(spec.second_order)
 
@@ -59,7 +61,8 @@ def make_wall(spec: Spec) -> Any:
         mirror_velocity: wp.array(dtype=vec),
         mirror_ratio: wp.array(dtype=real),
     ):
-        w = wp.tid() + first
+        t = wp.tid()
+        w, lane = particle_of(t) + first, lane_of(t)
         i = w + fluid_count
         count = int(fluid_neighbours[i])
         p = real(0.0)
@@ -69,9 +72,9 @@ def make_wall(spec: Spec) -> Any:
         omega = real(0.0)
         if wp.static(extrapolated):
             omega = real(time_weights(clock)[3])
-        k = list_begin(i, list_width)
-        step = list_step(particle_count)
-        end = k + count * step
+        begin, stride = list_begin(i, list_width), list_step(particle_count)
+        end = begin + count * stride
+        k, step = part_of(begin, stride, lane)
         xi = position[i]
         while k < end:
             j = neighbour(neighbours, i, k)
@@ -95,6 +98,12 @@ def make_wall(spec: Spec) -> Any:
                     v_j = v_j + (v_j - velocity_old[j]) * omega
                 v += v_j * w_ij
                 reach += d * w_ij
+        if wp.static(spec.lanes > 1):
+            p, weight = added(p), added(weight)
+            if wp.static(spec.wall_no_slip):
+                v, reach = added_vec(v), added_vec(reach)
+            if lane > 0:
+                return
         own_velocity = velocity[i]
         if weight > real(1.0e-20):
             p = p / weight
@@ -117,4 +126,4 @@ def make_wall(spec: Spec) -> Any:
         if wp.static(spec.wall_no_slip):
             mirror_velocity[w] = v
 
-    return wall_state
+    return shared(wall_state, spec)

@@ -27,6 +27,7 @@ import warp as wp
 from warpsph.kernels.core.clock import STEP
 from warpsph.kernels.core.eigenvalue import WHOLE
 from warpsph.kernels.core.fields import FLUID
+from warpsph.kernels.core.lanes import lanes_of, shared
 from warpsph.kernels.core.pair import WRAPPED, list_access, make_at, separation_of
 from warpsph.kernels.core.params import make_params, make_phase
 from warpsph.kernels.core.smoothing import make_smoothing
@@ -63,6 +64,7 @@ def make_delta_continuity(spec: Spec, flow_part: bool = True, slow_part: bool = 
     diffuses = spec.density_diffusion and slow_part
     exact, roomy = spec.exact_divergence and flow_part, spec.room and flow_part
     continued, slides_at = continues_flow(spec), make_slides(spec.own_sides)
+    particle_of, lane_of, part_of = lanes_of(spec)
     with_cells, sparse = make_cell_rate(spec), SPARSE * spec.dimension
 
     @wp.kernel(module="unique", enable_backward=False, module_options=SWEEP_OPTIONS)
@@ -100,7 +102,8 @@ def make_delta_continuity(spec: Spec, flow_part: bool = True, slow_part: bool = 
         carried: wp.array(dtype=vec),
         zone: wp.array(dtype=wp.int8),
     ):
-        i = wp.tid() + first
+        t = wp.tid()
+        i, lane = particle_of(t) + first, lane_of(t)
         if wp.static(spec.open_axis >= 0):
             if int(zone[i]) != FLUID:
                 return
@@ -118,13 +121,15 @@ def make_delta_continuity(spec: Spec, flow_part: bool = True, slow_part: bool = 
             full = wholeness[i] >= real(WHOLE)
             thin = not full
         room = state[i][1]  # sum of (1 - r^2/R^2)^2 V, its own place included
-        k = list_begin(i, list_width)
-        step = list_step(particle_count)
-        end = k + int(fluid_neighbours[i]) * step
+        begin, stride = list_begin(i, list_width), list_step(particle_count)
+        end = begin + int(fluid_neighbours[i]) * stride
+        k, step = part_of(begin, stride, lane)
         pairs = rate_sums(
             i, k, end, step, wrapped, xi, vi, p_i, s_i, params, neighbours, midway, velocity, state, pressure_gradient,
             shift, wholeness, density_excess)  # fmt: skip
-        k = end
+        if lane > 0:
+            return
+        k, step = end, stride
         flow, moment, carry = mat() + pairs.flow, mat() + pairs.moment, vec() + pairs.carry
         full, thin = full and pairs.ragged == real(0.0), thin and pairs.company == real(0.0)
         rate += pairs.rate
@@ -213,4 +218,4 @@ def make_delta_continuity(spec: Spec, flow_part: bool = True, slow_part: bool = 
                     total = wp.min(total, -s_i / real(clock[STEP]))
         density_rate[i] = total
 
-    return delta_continuity
+    return shared(delta_continuity, spec)

@@ -19,6 +19,7 @@ from warpsph.kernels.core.buffer_gradient import LEAST_EIGENVALUE
 from warpsph.kernels.core.clock import MAXIMA, SPEED, STEP
 from warpsph.kernels.core.eigenvalue import WHOLE, make_least_eigenvalue
 from warpsph.kernels.core.fields import FLUID
+from warpsph.kernels.core.lanes import lanes_of, shared
 from warpsph.kernels.core.pair import WRAPPED, list_access, make_at, separation_of
 from warpsph.kernels.core.params import make_params, make_phase
 from warpsph.kernels.core.planes import make_planes
@@ -47,6 +48,7 @@ def make_delta_momentum(spec: Spec, measuring: bool = True) -> Any:
     friction_slope = make_friction_slope(spec.viscosity, spec.kernel, spec.dimension, spec.precision)
     limit_shift, crowding = make_limit_shift(spec), make_crowding(spec.precision)
     braked, held, ahead = make_contact_of(spec)
+    particle_of, lane_of, part_of = lanes_of(spec)
     no_planes, noted = make_planes(spec.dimension, spec.precision)
     diffuses, shifts = spec.density_diffusion and measuring, spec.shifting and measuring
     measured = diffuses or (spec.free_surface and measuring)  # the moment is needed
@@ -88,7 +90,8 @@ def make_delta_momentum(spec: Spec, measuring: bool = True) -> Any:
         maxima: wp.array(dtype=real),
         zone: wp.array(dtype=wp.int8),
     ):
-        i = wp.tid() + first
+        t = wp.tid()
+        i, lane = particle_of(t) + first, lane_of(t)
         if wp.static(spec.open_axis >= 0):
             if int(zone[i]) != FLUID:
                 return  # nothing pushes a buffer, and none is shifted
@@ -109,13 +112,15 @@ def make_delta_momentum(spec: Spec, measuring: bool = True) -> Any:
         faces, sides = no_planes(params.spacing), no_planes(params.spacing)
         body2 = real(4.0) * params.h * params.h  # square of the distance to the nearest foot on a body [m^2]
         half_cell = vec(real(0.5) * params.spacing)
-        k = list_begin(i, list_width)
-        step = list_step(particle_count)
-        end = k + int(fluid_neighbours[i]) * step
+        begin, stride = list_begin(i, list_width), list_step(particle_count)
+        end = begin + int(fluid_neighbours[i]) * stride
+        k, step = part_of(begin, stride, lane)
         pairs = force_sums(
             i, k, end, step, wrapped, xi, vi, p_i, whole_i, own.viscosity, artificial_viscosity, shift_peak, params,
             neighbours, position, velocity, state, wholeness_old)  # fmt: skip
-        k = end
+        if lane > 0:
+            return
+        k, step = end, stride
         pressures, even, slope_p = vec() + pairs.pressures, vec() + pairs.even, vec() + pairs.slope_p
         friction, push, moment = vec() + pairs.friction, vec() + pairs.push, mat() + pairs.moment
         if pairs.ragged > real(0.0):
@@ -207,7 +212,7 @@ def make_delta_momentum(spec: Spec, measuring: bool = True) -> Any:
             if wp.dot(dx, dx) > maxima[slot * MAXIMA + 3]:
                 wp.atomic_max(maxima, slot * MAXIMA + 3, wp.dot(dx, dx))
 
-    return delta_momentum
+    return shared(delta_momentum, spec)
 
 
 @functools.cache

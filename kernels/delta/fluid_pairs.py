@@ -9,6 +9,7 @@ from typing import Any
 import warp as wp
 
 from warpsph.kernels.core.eigenvalue import WHOLE
+from warpsph.kernels.core.lanes import lanes_of
 from warpsph.kernels.core.pair import list_access, make_at, make_part, way_of
 from warpsph.kernels.core.params import make_params
 from warpsph.kernels.core.smoothing import KERNELS, make_smoothing
@@ -43,6 +44,7 @@ def make_rate_sums(spec: Spec, flow_part: bool, slow_part: bool) -> tuple[Any, A
     carries = spec.shift_form == "consistent" and slow_part
     diffuses = spec.density_diffusion and slow_part
     exact, roomy = spec.exact_divergence and flow_part, spec.room and flow_part
+    *_, added, added_vec, added_mat = lanes_of(spec, real, vec, mat)
 
     @wp.struct
     class RateSums:
@@ -128,16 +130,23 @@ def make_rate_sums(spec: Spec, flow_part: bool, slow_part: bool) -> tuple[Any, A
                 flow[row, axis] = flow_sum[row, axis]
                 moment[row, axis] = moment_sum[row, axis]
         sums = RateSums()
-        sums.rate = rate
-        sums.evening = evening
-        sums.moved = moved
-        sums.carry = carry
-        sums.crowd = crowd
-        sums.room = room
-        sums.ragged = ragged
-        sums.company = company
-        sums.flow = flow
-        sums.moment = moment
+        if wp.static(flow_part):
+            sums.rate = added(rate)
+        if wp.static(diffuses):
+            sums.evening = added(evening)
+        if wp.static(carries):
+            sums.moved = added(moved)
+            sums.carry = added_vec(carry)
+        if wp.static(spec.free_surface):
+            sums.crowd = added(crowd)
+        if wp.static(roomy):
+            sums.room = added(room)
+        if wp.static(roomy and spec.free_surface):
+            sums.ragged = added(ragged)
+            sums.company = added(company)
+        if wp.static(exact or roomy):
+            sums.flow = added_mat(flow)
+            sums.moment = added_mat(moment)
         return sums
 
     return RateSums, rate_sums
@@ -162,6 +171,7 @@ def make_force_sums(spec: Spec, measuring: bool) -> tuple[Any, Any]:
     crowding = make_crowding(spec.precision)
     diffuses, shifts = spec.density_diffusion and measuring, spec.shifting and measuring
     measured = diffuses or (spec.free_surface and measuring)  # the moment is needed
+    *_, added, added_vec, added_mat = lanes_of(spec, real, vec, mat)
 
     @wp.struct
     class ForceSums:
@@ -251,14 +261,20 @@ def make_force_sums(spec: Spec, measuring: bool) -> tuple[Any, Any]:
             for row in range(wp.static(spec.dimension)):
                 moment[row, axis] = moment_sum[row, axis]
         sums = ForceSums()
-        sums.pressures = pressures
-        sums.even = even
-        sums.slope_p = slope_p
-        sums.friction = friction
-        sums.push = push
-        sums.inward = inward
-        sums.moment = moment
-        sums.ragged = ragged
+        sums.pressures = added_vec(pressures)
+        sums.even = added_vec(even)
+        if wp.static(diffuses):
+            sums.slope_p = added_vec(slope_p)
+        if wp.static(viscous or spec.artificial_viscosity):
+            sums.friction = added_vec(friction)
+        if wp.static(shifts):
+            sums.push = added_vec(push)
+        if wp.static(spec.free_surface):
+            sums.inward = added_vec(inward)
+        if wp.static(measured):
+            sums.moment = added_mat(moment)
+        if wp.static(spec.free_surface):
+            sums.ragged = added(ragged)
         return sums
 
     return ForceSums, force_sums

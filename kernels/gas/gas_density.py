@@ -5,6 +5,7 @@ from typing import Any
 
 import warp as wp
 
+from warpsph.kernels.core.lanes import lanes_of, shared
 from warpsph.kernels.core.mirror import code_shift, make_images, make_sides
 from warpsph.kernels.core.pair import WRAPPED, list_access
 from warpsph.kernels.core.params import make_params, make_phase
@@ -33,6 +34,7 @@ def make_gas_density(spec: Spec) -> Any:
     shape, slope = make_smoothing(spec.kernel, spec.precision)
     apart = make_images(spec).apart
     list_begin, list_step, neighbour, Listed = list_access(spec)
+    particle_of, lane_of, part_of, added = lanes_of(spec, real)
     image_bit = code_shift(spec.dimension)
     index_mask = (1 << image_bit) - 1
     tolerance = TOLERANCE[spec.precision]
@@ -72,7 +74,8 @@ def make_gas_density(spec: Spec) -> Any:
         density_excess: wp.array(dtype=real),
         state: wp.array(dtype=pair),
     ):
-        i = wp.tid() + first
+        t = wp.tid()
+        i, lane = particle_of(t) + first, lane_of(t)
         xi = position[i]
         h = smoothing[i]
         mi = mass[i]
@@ -84,9 +87,9 @@ def make_gas_density(spec: Spec) -> Any:
         wrapped = bool(False)
         if wp.static(any(spec.periodic)):
             wrapped = (int(flags[i]) & WRAPPED) != 0
-        begin = list_begin(i, list_width)
-        step = list_step(particle_count)
-        end = begin + int(fluid_neighbours[i]) * step
+        begin, stride = list_begin(i, list_width), list_step(particle_count)
+        end = begin + int(fluid_neighbours[i]) * stride
+        own_begin, step = part_of(begin, stride, lane)
         sweep = int(0)
         longest = real(1.0 + GROWTH) * listed_smoothing[i]
         if beginning == 1:
@@ -95,8 +98,10 @@ def make_gas_density(spec: Spec) -> Any:
             inverse = real(1.0) / h
             norm = w_norm / volume_of(h)
             total = mi * shape(real(0.0))
+            if wp.static(spec.lanes > 1):
+                total = wp.where(lane == 0, total, real(0.0))  # its own place counts once
             change = real(wp.static(d)) * total  # -h dW/dh without the norm
-            k = int(begin)
+            k = int(own_begin)
             while k < end:
                 j = neighbour(neighbours, i, k)
                 k += step
@@ -109,6 +114,8 @@ def make_gas_density(spec: Spec) -> Any:
                 w = mass[j] * shape(q)
                 total += w
                 change += real(wp.static(d)) * w + mass[j] * slope(q) * q * q
+            if wp.static(spec.lanes > 1):
+                total, change = added(total), added(change)
             rho = norm * total
             wanted = mi * crowding / volume_of(h)  # m (eta/h)^d
             ratio = norm * change / (real(wp.static(d)) * wanted)
@@ -124,11 +131,14 @@ def make_gas_density(spec: Spec) -> Any:
                 solving = False
             else:
                 h = wp.min(h * wp.clamp(factor, real(0.8), real(1.25)), longest)
-            if not solving:
+            if lane == 0 and not solving:
                 smoothing[i] = h
                 density[i] = rho
                 # of a particle without company it would be 0
                 stiffening[i] = real(1.0) / (wp.max(omega, real(LEAST_OMEGA)) * rho * rho)
+        if wp.static(spec.lanes > 1):
+            if lane > 0:
+                return
         heats = phases[0].gamma - real(1.0)
         kinetic = real(0.5) * wp.dot(velocity[i], velocity[i])
         pressure = state[i][0]
@@ -145,4 +155,4 @@ def make_gas_density(spec: Spec) -> Any:
         state[i] = pair(pressure, mi / rho)
         density_excess[i] = rho / phases[0].density - real(1.0)
 
-    return gas_density
+    return shared(gas_density, spec)

@@ -5,6 +5,7 @@ from typing import Any
 
 import warp as wp
 
+from warpsph.kernels.core.lanes import lanes_of, make_largest, shared
 from warpsph.kernels.core.mirror import code_shift, make_images, make_sides
 from warpsph.kernels.core.pair import WRAPPED, list_access
 from warpsph.kernels.core.params import make_params, make_phase
@@ -134,6 +135,8 @@ def make_gas_forces(spec: Spec) -> Any:
     apart, image_velocity = images.apart, images.image_velocity
     image_pressure = make_image_pressure(spec)
     list_begin, list_step, neighbour, Listed = list_access(spec)
+    particle_of, lane_of, part_of, added, added_vec = lanes_of(spec, real, vec)
+    largest = make_largest(spec.lanes, real)
     image_bit = code_shift(spec.dimension)
     index_mask = (1 << image_bit) - 1
     Side, exchange = make_gas_exchange(spec)
@@ -184,7 +187,8 @@ def make_gas_forces(spec: Spec) -> Any:
         swelling: wp.array(dtype=real),
         signal_rates: wp.array(dtype=real),
     ):
-        i = wp.tid() + first
+        t = wp.tid()
+        i, lane = particle_of(t) + first, lane_of(t)
         if wp.static(spec.held):
             if held[i] == wp.uint8(HELD):
                 acceleration[i] = vec()
@@ -208,9 +212,9 @@ def make_gas_forces(spec: Spec) -> Any:
         work = real(0.0)
         parting = real(0.0)
         fastest = a.c
-        k = list_begin(i, list_width)
-        step = list_step(particle_count)
-        end = k + int(fluid_neighbours[i]) * step
+        begin, stride = list_begin(i, list_width), list_step(particle_count)
+        end = begin + int(fluid_neighbours[i]) * stride
+        k, step = part_of(begin, stride, lane)
         while k < end:
             j = neighbour(neighbours, i, k)
             k += step
@@ -280,6 +284,12 @@ def make_gas_forces(spec: Spec) -> Any:
                     rate += conductivity * speed / rho * (energy[i] - energy[j]) * mean_slope
             total -= mass[j] * (push_i + push_j + force * toward)
             work -= mass[j] * (wp.dot(push_i, vj - vi) + rate)  # push_j works on the motion of i alone
+        if wp.static(spec.lanes > 1):
+            total, work, fastest = added_vec(total), added(work), largest(fastest)
+            if wp.static(not spec.constant_h):
+                parting = added(parting)
+            if lane > 0:
+                return
         rate_here = fastest / hi
         if wp.static(riemann):
             # energy + work dt - |total dt|^2/2 is (1 - STEP_LOSS) energy after 1/dt = |total|^2/(work + root)
@@ -306,4 +316,4 @@ def make_gas_forces(spec: Spec) -> Any:
         if rate_here > signal_rates[slot]:
             wp.atomic_max(signal_rates, slot, rate_here)
 
-    return gas_forces
+    return shared(gas_forces, spec)

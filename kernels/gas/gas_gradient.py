@@ -8,6 +8,7 @@ from typing import Any
 
 import warp as wp
 
+from warpsph.kernels.core.lanes import lanes_of, shared
 from warpsph.kernels.core.mirror import code_shift, make_images, make_sides
 from warpsph.kernels.core.pair import WRAPPED, list_access
 from warpsph.kernels.core.params import make_params, make_phase
@@ -41,6 +42,7 @@ def make_gas_gradient(spec: Spec) -> Any:
     apart, image_velocity = images.apart, images.image_velocity
     image_pressure = make_image_pressure(spec)
     list_begin, list_step, neighbour, Listed = list_access(spec)
+    particle_of, lane_of, part_of, added_vec, added_mat = lanes_of(spec, vec, mat)
     image_bit = code_shift(spec.dimension)
     index_mask = (1 << image_bit) - 1
 
@@ -99,7 +101,8 @@ def make_gas_gradient(spec: Spec) -> Any:
         velocity_gradient: wp.array(dtype=mat),
         stretching: wp.array(dtype=mat),
     ):
-        i = wp.tid() + first
+        t = wp.tid()
+        i, lane = particle_of(t) + first, lane_of(t)
         xi = position[i]
         vi = velocity[i]
         inverse = real(1.0) / smoothing[i]
@@ -116,9 +119,9 @@ def make_gas_gradient(spec: Spec) -> Any:
         of_density = vec()
         of_pressure = vec()
         of_velocity = mat()
-        k = list_begin(i, list_width)
-        step = list_step(particle_count)
-        end = k + int(fluid_neighbours[i]) * step
+        begin, stride = list_begin(i, list_width), list_step(particle_count)
+        end = begin + int(fluid_neighbours[i]) * stride
+        k, step = part_of(begin, stride, lane)
         while k < end:
             j = neighbour(neighbours, i, k)
             k += step
@@ -141,6 +144,11 @@ def make_gas_gradient(spec: Spec) -> Any:
             of_density += (density[j] - rho) * rise
             of_pressure += (pj - state[i][0]) * rise
             of_velocity += wp.outer(vj - vi, rise)
+        if wp.static(spec.lanes > 1):
+            moment, masses, of_velocity = added_mat(moment), added_mat(masses), added_mat(of_velocity)
+            of_density, of_pressure = added_vec(of_density), added_vec(of_pressure)
+            if lane > 0:
+                return
         correction = inverted(moment)
         density_gradient[i] = correction * of_density
         pressure_gradient[i] = correction * of_pressure
@@ -153,4 +161,4 @@ def make_gas_gradient(spec: Spec) -> Any:
                 gentle = real(0.0)  # what is beyond the open side is not there to be summed
         stretching[i] = even + gentle * (stretched(masses) / (rho * rho) - even)
 
-    return gas_gradient
+    return shared(gas_gradient, spec)

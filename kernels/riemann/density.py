@@ -16,6 +16,7 @@ import warp as wp
 from warpsph.kernels.core.clock import STEP
 from warpsph.kernels.core.eos import make_eos
 from warpsph.kernels.core.fields import FLUID
+from warpsph.kernels.core.lanes import lanes_of, shared
 from warpsph.kernels.core.pair import NEAR, WRAPPED, list_access, look_ahead, make_at, separation_of
 from warpsph.kernels.core.params import make_params, make_phase
 from warpsph.kernels.core.smoothing import make_smoothing
@@ -177,6 +178,7 @@ def make_continuity(spec: Spec) -> Any:
     _, stress_jump = make_interface_stress(spec.dimension, spec.precision)
     (followed, remembered), (due_now, _) = make_remembered(spec), make_disorder_due(spec)
     (_, own_rates), uneven = make_own_rates(spec), make_disorder_friction(spec)
+    particle_of, lane_of, part_of, added = lanes_of(spec, real)
     with_bodies, with_cells, evenly = make_body_flow(spec), make_cell_rate(spec), make_evenly(spec)
 
     @wp.kernel(**pair_sweep(spec))
@@ -223,7 +225,8 @@ def make_continuity(spec: Spec) -> Any:
         inertia: wp.array(dtype=vec),
         counters: wp.array(dtype=int),
     ):
-        i = wp.tid() + first
+        t = wp.tid()
+        i, lane = particle_of(t) + first, lane_of(t)
         if wp.static(spec.open_axis >= 0):
             if int(zone[i]) != FLUID:
                 return
@@ -244,8 +247,9 @@ def make_continuity(spec: Spec) -> Any:
         rate, blur, evening = real(0.0), real(0.0), real(0.0)
         # its derivative by the own pressure, over c_i; what it would be among the own phase; that of pairs of that
         stiffness, plain_stiffness, own_stiffness = real(0.0), real(0.0), real(0.0)
-        k, step = list_begin(i, list_width), list_step(particle_count)
-        end = k + int(fluid_neighbours[i]) * step
+        begin, stride = list_begin(i, list_width), list_step(particle_count)
+        end = begin + int(fluid_neighbours[i]) * stride
+        k, step = part_of(begin, stride, lane)
         ahead = look(neighbours, i, k, end)
         if wp.static(spec.multiphase):
             if near:
@@ -301,10 +305,20 @@ def make_continuity(spec: Spec) -> Any:
                             dense = wp.where(own.density < other.density, j, i)
                             u_star += carried(own.density, other.density, velocity_gradient[dense], d) * inv_r
                         rate += real(2.0) * f * (wp.dot(vi, d) + r * u_star)
+                if wp.static(spec.lanes > 1):
+                    rate, evening, stiffness = added(rate), added(evening), added(stiffness)
+                    plain_stiffness, own_stiffness = added(plain_stiffness), added(own_stiffness)
         own_pairs = own_rates(
             i, k, end, step, wrapped, xi, vi, p_i, inv_z, own, params, forcing, neighbours, midway, velocity, state_old,
             pressure_gradient, inertia)  # fmt: skip
-        k = end
+        if wp.static(spec.disorder and spec.lanes > 1):  # with one lane below: here it would move last bits
+            if due_now(counters):
+                disorder_force[i] = uneven(
+                    i, lane, list_width, particle_count, wrapped, params, neighbours, fluid_neighbours, phase, midway,
+                    velocity, state_old, rest_volume, disorder_speed, flow_gradient)  # fmt: skip
+        if lane > 0:
+            return
+        k, step = end, stride
         rate += own_pairs.rate
         if wp.static(spray or damps or spec.walls):
             blur += own_pairs.blur
@@ -331,12 +345,12 @@ def make_continuity(spec: Spec) -> Any:
         s += real(clock[STEP]) * (real(1.0) + s) * (params.g_norm * (rate + blur) + followed(i, room_part))
         s = remembered(s, own_pairs.crowd * params.g_norm, i, thin)
         density_excess[i] = s
-        if wp.static(spec.disorder):
+        if wp.static(spec.disorder and spec.lanes == 1):
             if due_now(counters):
                 disorder_force[i] = uneven(
-                    i, list_width, particle_count, wrapped, params, neighbours, fluid_neighbours, phase, midway, velocity,
-                    state_old, rest_volume, disorder_speed, flow_gradient)  # fmt: skip
+                    i, lane, list_width, particle_count, wrapped, params, neighbours, fluid_neighbours, phase, midway,
+                    velocity, state_old, rest_volume, disorder_speed, flow_gradient)  # fmt: skip
         p = eos(s, own.stiffness, own.gamma) + own.background + damped
         state[i] = pair(p, rest_volume[i] / (real(1.0) + s))
 
-    return continuity
+    return shared(continuity, spec)

@@ -14,6 +14,7 @@ from typing import Any
 import warp as wp
 
 from warpsph.kernels.core.clock import STEPS
+from warpsph.kernels.core.lanes import lanes_of
 from warpsph.kernels.core.pair import list_access, make_at, make_element, make_part, way_of
 from warpsph.kernels.core.params import make_params, make_phase
 from warpsph.kernels.core.smoothing import make_smoothing
@@ -83,10 +84,12 @@ def make_own_gradient(spec: Spec) -> Any:
     Params, slope = make_params(spec.dimension, spec.precision), make_smoothing(spec.kernel, spec.precision)[1]
     way, part, part_of_pair = way_of(spec), make_part(vec), make_part(pair)
     list_begin, list_step, neighbour, Listed = list_access(spec)
+    _, _, part_of, added = lanes_of(spec, mat)
 
     @wp.func
     def own_gradient(
         i: int,
+        lane: int,
         list_width: int,
         particle_count: int,
         wrapped: bool,
@@ -103,8 +106,9 @@ def make_own_gradient(spec: Spec) -> Any:
         own_phase = wp.int8(0)
         if wp.static(spec.multiphase):
             own_phase = phase[i]
-        k, step = list_begin(i, list_width), list_step(particle_count)
-        end = k + int(fluid_neighbours[i]) * step
+        begin, stride = list_begin(i, list_width), list_step(particle_count)
+        end = begin + int(fluid_neighbours[i]) * stride
+        k, step = part_of(begin, stride, lane)
         while k < end:
             j = neighbour(neighbours, i, k)
             k += step
@@ -119,6 +123,8 @@ def make_own_gradient(spec: Spec) -> Any:
                 for b in range(wp.static(spec.dimension)):
                     flow[a, b] += (part(velocity, j, a) - v[a]) * (f * d[b])
                     moment[a, b] -= d[a] * (f * d[b])
+        if wp.static(spec.lanes > 1):
+            flow, moment = added(flow), added(moment)
         m = moment * params.g_norm
         if wp.determinant(m) > real(SMALLEST_MOMENT):
             return (flow * params.g_norm) * wp.inverse(m), True
@@ -135,10 +141,12 @@ def make_disorder_friction(spec: Spec) -> Any:
     way, part, part_of_pair = way_of(spec), make_part(vec), make_part(pair)
     at, element = make_at(real), make_element(mat)
     list_begin, list_step, neighbour, Listed = list_access(spec)
+    _, _, part_of, added = lanes_of(spec, vec)
 
     @wp.func
     def disorder_friction(
         i: int,
+        lane: int,
         list_width: int,
         particle_count: int,
         wrapped: bool,
@@ -157,10 +165,11 @@ def make_disorder_friction(spec: Spec) -> Any:
         own_phase = wp.int8(0)
         if wp.static(spec.multiphase):
             own_phase = phase[i]
-        k, step = list_begin(i, list_width), list_step(particle_count)
-        end = k
+        begin, stride = list_begin(i, list_width), list_step(particle_count)
+        end = begin
         if own >= real(0.0):
-            end = k + int(fluid_neighbours[i]) * step
+            end = begin + int(fluid_neighbours[i]) * stride
+        k, step = part_of(begin, stride, lane)
         while k < end:
             j = neighbour(neighbours, i, k)
             k += step
@@ -180,6 +189,8 @@ def make_disorder_friction(spec: Spec) -> Any:
                 push = wp.where(phase[j] == own_phase, push, real(0.0))
             for axis in range(wp.static(spec.dimension)):
                 total[axis] += push * d[axis]
+        if wp.static(spec.lanes > 1):
+            total = added(total)
         return total * (params.g_norm * state[i][1] / rest_volume[i])
 
     return disorder_friction

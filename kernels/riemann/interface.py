@@ -20,6 +20,7 @@ from typing import Any
 import warp as wp
 
 from warpsph.kernels.core.clock import BAND_COUNT
+from warpsph.kernels.core.lanes import lanes_of, shared
 from warpsph.kernels.core.pair import BAND, NEAR, list_access, look_ahead, separation_of
 from warpsph.kernels.core.params import make_params, make_phase
 from warpsph.kernels.core.smoothing import KERNELS, make_smoothing
@@ -40,6 +41,7 @@ def make_fraction(spec: Spec) -> Any:
     separation = separation_of(spec)
     list_begin, list_step, _, Listed = list_access(spec)
     look, taken, onward = look_ahead(spec)
+    particle_of, lane_of, part_of, added = lanes_of(spec, real)
 
     @wp.kernel(module="unique", enable_backward=False, module_options=SWEEP_OPTIONS)
     def own_fraction(
@@ -60,7 +62,8 @@ def make_fraction(spec: Spec) -> Any:
         fraction: wp.array(dtype=real),
         contact_cosine: wp.array(dtype=real),
     ):
-        i = wp.tid() + first
+        t = wp.tid()
+        i, lane = particle_of(t) + first, lane_of(t)
         if wp.static(spec.row_list):
             if i >= counters[BAND_COUNT]:
                 return
@@ -75,11 +78,13 @@ def make_fraction(spec: Spec) -> Any:
         xi = position[i]
         own = phase[i]
         same = shape(real(0.0)) * state[i][1]
+        if wp.static(spec.lanes > 1):
+            same = wp.where(lane == 0, same, real(0.0))  # its own place counts once
         other = real(0.0)
         cosine = real(0.0)
-        k = list_begin(i, list_width)
-        step = list_step(particle_count)
-        end = k + int(fluid_neighbours[i]) * step
+        begin, stride = list_begin(i, list_width), list_step(particle_count)
+        end = begin + int(fluid_neighbours[i]) * stride
+        k, step = part_of(begin, stride, lane)
         ahead = look(neighbours, i, k, end)
         while k < end:
             j = taken(ahead, neighbours, i, k)
@@ -92,12 +97,18 @@ def make_fraction(spec: Spec) -> Any:
                 other += w
                 if wp.static(spec.leaning):
                     cosine += w * contact_angles[int(own) * phases.shape[0] + int(phase[j])]
+        if wp.static(spec.lanes > 1):
+            same, other = added(same), added(other)
+            if wp.static(spec.leaning):
+                cosine = added(cosine)
+            if lane > 0:
+                return
         # exactly 1 without another phase in reach, which same/(same + other) is not by the quick division of a GPU
         fraction[i] = real(1.0) - other / (same + other)
         if wp.static(spec.leaning):
             contact_cosine[i] = cosine / wp.max(other, real(1.0e-30))
 
-    return own_fraction
+    return shared(own_fraction, spec)
 
 
 @functools.cache
@@ -113,6 +124,7 @@ def make_normal(spec: Spec) -> Any:
     separation = separation_of(spec)
     list_begin, list_step, _, Listed = list_access(spec)
     look, taken, onward = look_ahead(spec)
+    particle_of, lane_of, part_of, added_vec, added_mat = lanes_of(spec, vec, mat)
 
     @wp.kernel(module="unique", enable_backward=False, module_options=SWEEP_OPTIONS)
     def colour_normal(
@@ -132,7 +144,8 @@ def make_normal(spec: Spec) -> Any:
         normal: wp.array(dtype=vec),
         interface_weight: wp.array(dtype=real),
     ):
-        i = wp.tid() + first
+        t = wp.tid()
+        i, lane = particle_of(t) + first, lane_of(t)
         if wp.static(spec.row_list):
             if i >= counters[BAND_COUNT]:
                 return
@@ -144,9 +157,9 @@ def make_normal(spec: Spec) -> Any:
         f_i = fraction[i]
         n = vec()
         moment = mat()
-        k = list_begin(i, list_width)
-        step = list_step(particle_count)
-        end = k + int(fluid_neighbours[i]) * step
+        begin, stride = list_begin(i, list_width), list_step(particle_count)
+        end = begin + int(fluid_neighbours[i]) * stride
+        k, step = part_of(begin, stride, lane)
         ahead = look(neighbours, i, k, end)
         while k < end:
             j = taken(ahead, neighbours, i, k)
@@ -158,6 +171,10 @@ def make_normal(spec: Spec) -> Any:
             fd = (slope(wp.sqrt(wp.dot(d, d)) * params.inv_h) * state[j][1] * params.g_norm) * d
             n += (share - f_i) * fd
             moment -= wp.outer(d, fd)
+        if wp.static(spec.lanes > 1):
+            n, moment = added_vec(n), added_mat(moment)
+            if lane > 0:
+                return
         if wp.determinant(moment) > real(SMALLEST_MOMENT):
             n = wp.inverse(moment) * n
         strength = wp.length(n) * params.h
@@ -167,7 +184,7 @@ def make_normal(spec: Spec) -> Any:
         normal[i] = n
         interface_weight[i] = weight
 
-    return colour_normal
+    return shared(colour_normal, spec)
 
 
 # What the bend of an interface adds to its curvature: relative errors, times (R/h)^2, of a circle in two dimensions and of a
@@ -217,6 +234,7 @@ def make_curvature(spec: Spec) -> Any:
     separation = separation_of(spec)
     list_begin, list_step, _, Listed = list_access(spec)
     look, taken, onward = look_ahead(spec)
+    particle_of, lane_of, part_of, added = lanes_of(spec, mat)
     straightened = make_straightened(spec.kernel, spec.dimension, spec.precision)
     d_real = float(spec.dimension)
 
@@ -238,7 +256,8 @@ def make_curvature(spec: Spec) -> Any:
         interface_weight: wp.array(dtype=real),
         curvature: wp.array(dtype=real),
     ):
-        i = wp.tid() + first
+        t = wp.tid()
+        i, lane = particle_of(t) + first, lane_of(t)
         if wp.static(spec.row_list):
             if i >= counters[BAND_COUNT]:
                 return
@@ -252,9 +271,9 @@ def make_curvature(spec: Spec) -> Any:
             unit_i = wp.normalize(normal[i])
             moment = mat()
             spread = mat()
-            k = list_begin(i, list_width)
-            step = list_step(particle_count)
-            end = k + int(fluid_neighbours[i]) * step
+            begin, stride = list_begin(i, list_width), list_step(particle_count)
+            end = begin + int(fluid_neighbours[i]) * stride
+            k, step = part_of(begin, stride, lane)
             ahead = look(neighbours, i, k, end)
             while k < end:
                 j = taken(ahead, neighbours, i, k)
@@ -268,15 +287,20 @@ def make_curvature(spec: Spec) -> Any:
                     moment -= f * wp.outer(d, d)
                     # normals point into the own phase; kappa is the divergence of the opposite direction
                     spread += f * wp.outer(d, unit_i - unit_j)
+            if wp.static(spec.lanes > 1):
+                moment, spread = added(moment), added(spread)
             if wp.determinant(moment) > real(SMALLEST_MOMENT):
                 kappa = straightened(params.h * wp.inverse(moment) * spread) * params.inv_h
             else:
                 kappa = real(d_real) * wp.trace(spread) / wp.max(wp.trace(moment), real(1.0e-6))
             limit = real(SHARPEST) * params.inv_h
             kappa = wp.clamp(kappa, -limit, limit)
+        if wp.static(spec.lanes > 1):
+            if lane > 0:
+                return
         curvature[i] = kappa
 
-    return interface_curvature
+    return shared(interface_curvature, spec)
 
 
 # Narrowness of the means across an interface: weights exp(-NARROW t^2/h^2) of the way t along it. Wider than this the first
@@ -308,6 +332,7 @@ def make_evened(spec: Spec, sharp: bool) -> Any:
     separation = separation_of(spec)
     list_begin, list_step, _, Listed = list_access(spec)
     look, taken, onward = look_ahead(spec)
+    particle_of, lane_of, part_of, added = lanes_of(spec, real)
     reach2 = KERNELS[spec.kernel].support ** 2
     sharper = sharpness(spec.kernel, spec.dimension)
 
@@ -330,7 +355,8 @@ def make_evened(spec: Spec, sharp: bool) -> Any:
         curvature: wp.array(dtype=real),
         mean_curvature: wp.array(dtype=real),
     ):
-        i = wp.tid() + first
+        t = wp.tid()
+        i, lane = particle_of(t) + first, lane_of(t)
         if wp.static(spec.row_list):
             if i >= counters[BAND_COUNT]:
                 return
@@ -347,10 +373,12 @@ def make_evened(spec: Spec, sharp: bool) -> Any:
             unit_i = wp.normalize(normal[i])
             inv_width2 = real(NARROW) * params.inv_h * params.inv_h
             total = interface_weight[i] * interface_weight[i] * state[i][1]
+            if wp.static(spec.lanes > 1):
+                total = wp.where(lane == 0, total, real(0.0))  # its own place counts once
             mean = total * own_value
-            k = list_begin(i, list_width)
-            step = list_step(particle_count)
-            end = k + int(fluid_neighbours[i]) * step
+            begin, stride = list_begin(i, list_width), list_step(particle_count)
+            end = begin + int(fluid_neighbours[i]) * stride
+            k, step = part_of(begin, stride, lane)
             ahead = look(neighbours, i, k, end)
             while k < end:
                 j = taken(ahead, neighbours, i, k)
@@ -370,11 +398,16 @@ def make_evened(spec: Spec, sharp: bool) -> Any:
                         mean += side * w * mean_curvature[j]
                     else:
                         mean += side * w * curvature[j]
+            if wp.static(spec.lanes > 1):
+                mean, total = added(mean), added(total)
             mean = mean / total
+        if wp.static(spec.lanes > 1):
+            if lane > 0:
+                return
         if wp.static(sharp):
             limit = real(SHARPEST) * params.inv_h
             curvature[i] = wp.clamp(own_value + real(sharper) * (own_value - mean), -limit, limit)
         else:
             mean_curvature[i] = mean
 
-    return evened_curvature
+    return shared(evened_curvature, spec)

@@ -25,6 +25,7 @@ from typing import Any
 
 import warp as wp
 
+from warpsph.kernels.core.lanes import lanes_of, shared
 from warpsph.kernels.core.pair import NEAR, list_access, look_ahead, make_at, separation_of
 from warpsph.kernels.core.params import make_params
 from warpsph.kernels.core.smoothing import KERNELS, make_smoothing
@@ -109,6 +110,7 @@ def make_interface_flow(spec: Spec) -> Any:
     look, taken, onward = look_ahead(spec)
     full, none = FULL**spec.dimension, NONE**spec.dimension
     window, depth = make_depth(spec.dimension, spec.precision)
+    particle_of, lane_of, part_of, added, added_vec, added_mat = lanes_of(spec, real, vec, mat)
     support, curved = KERNELS[spec.kernel].support, curvature_type(spec)
 
     @wp.kernel(module="unique", enable_backward=False, module_options=SWEEP_OPTIONS)
@@ -132,7 +134,8 @@ def make_interface_flow(spec: Spec) -> Any:
         curvature: wp.array(dtype=curved),
         interface_depth: wp.array(dtype=real),
     ):
-        i = wp.tid() + first
+        t = wp.tid()
+        i, lane = particle_of(t) + first, lane_of(t)
         if (int(flags[i]) & NEAR) == 0:
             return
         xi = position[i]
@@ -143,10 +146,12 @@ def make_interface_flow(spec: Spec) -> Any:
         others = vec()
         all_others = real(0.0)
         own_room, other_room = state[i][1], real(0.0)  # sums of w V
+        if wp.static(spec.lanes > 1):
+            own_room = wp.where(lane == 0, own_room, real(0.0))  # its own place counts once
         fluid_count = particle_count - slip.shape[0]
-        k = list_begin(i, list_width)
-        step = list_step(particle_count)
-        end = k + int(fluid_neighbours[i]) * step
+        begin, stride = list_begin(i, list_width), list_step(particle_count)
+        end = begin + int(fluid_neighbours[i]) * stride
+        k, step = part_of(begin, stride, lane)
         ahead = look(neighbours, i, k, end)
         while k < end:
             j = taken(ahead, neighbours, i, k)
@@ -163,6 +168,12 @@ def make_interface_flow(spec: Spec) -> Any:
             else:
                 others += fd
                 all_others += wp.length(fd)
+        if wp.static(spec.lanes > 1):
+            own_room, other_room, all_others = added(own_room), added(other_room), added(all_others)
+            others, flow, moment = added_vec(others), added_mat(flow), added_mat(moment)
+            if lane > 0:
+                return
+        k, step = end, stride
         if wp.static(spec.wall_no_slip):
             end += int(wall_neighbours[i]) * step
             while k < end:
@@ -197,4 +208,4 @@ def make_interface_flow(spec: Spec) -> Any:
         else:
             facing[i] = vec()
 
-    return interface_flow
+    return shared(interface_flow, spec)

@@ -15,6 +15,7 @@ from typing import Any
 
 import warp as wp
 
+from warpsph.kernels.core.lanes import lanes_of, shared
 from warpsph.kernels.core.pair import NEAR, list_access, look_ahead, separation_of
 from warpsph.kernels.core.params import make_params, make_phase
 from warpsph.kernels.core.smoothing import make_smoothing
@@ -33,6 +34,7 @@ def make_interface_gradient(spec: Spec) -> Any:
     list_begin, list_step, _, Listed = list_access(spec)
     look, taken, onward = look_ahead(spec)
     axes_along = spec.dimension - 1
+    particle_of, lane_of, part_of, added, added_mat = lanes_of(spec, real, mat)
     full = FULL**spec.dimension
 
     @wp.kernel(module="unique", enable_backward=False, module_options=SWEEP_OPTIONS)
@@ -54,7 +56,8 @@ def make_interface_gradient(spec: Spec) -> Any:
         interface_depth: wp.array(dtype=real),
         gradient_at_interface: wp.array(dtype=mat),
     ):
-        i = wp.tid() + first
+        t = wp.tid()
+        i, lane = particle_of(t) + first, lane_of(t)
         if (int(flags[i]) & NEAR) == 0:
             return
         own = phase[i]
@@ -69,9 +72,9 @@ def make_interface_gradient(spec: Spec) -> Any:
         straight, skew = real(0.0), real(0.0)  # sums of F V y^2 and F V y^3
         moment = mat()
         rise = mat()
-        k = list_begin(i, list_width)
-        step = list_step(particle_count)
-        end = k + int(fluid_neighbours[i]) * step
+        begin, stride = list_begin(i, list_width), list_step(particle_count)
+        end = begin + int(fluid_neighbours[i]) * stride
+        k, step = part_of(begin, stride, lane)
         ahead = look(neighbours, i, k, end)
         beside_thinner = bool(False)
         while k < end:
@@ -92,6 +95,12 @@ def make_interface_gradient(spec: Spec) -> Any:
                 rise += wp.outer(velocity[j] - vi + gradient * d, (f * y) * along)
             elif phases[int(phase[j])].viscosity < phases[int(own)].viscosity:
                 beside_thinner = True
+        if wp.static(spec.lanes > 1):
+            beside_thinner = added(wp.where(beside_thinner, real(1.0), real(0.0))) > real(0.0)
+            even, first_moment, second_moment = added(even), added(first_moment), added(second_moment)
+            straight, skew, moment, rise = added(straight), added(skew), added_mat(moment), added_mat(rise)
+            if lane > 0:
+                return
         if not beside_thinner:
             return
         surface = mat() + gradient
@@ -106,4 +115,4 @@ def make_interface_gradient(spec: Spec) -> Any:
                 surface = gradient - (below + depth) * turn + across * wp.outer(n, n)
         gradient_at_interface[i] = surface
 
-    return interface_gradient
+    return shared(interface_gradient, spec)

@@ -18,6 +18,7 @@ from typing import Any
 import warp as wp
 
 from warpsph.kernels.core.clock import BAND_COUNT
+from warpsph.kernels.core.lanes import lanes_of, shared
 from warpsph.kernels.core.pair import BAND, list_access, separation_of
 from warpsph.kernels.core.params import make_params
 from warpsph.kernels.core.smoothing import KERNELS, make_smoothing
@@ -81,6 +82,7 @@ def make_phase_shares(spec: Spec) -> Any:
     shape, _ = make_smoothing(spec.kernel, spec.precision)
     separation = separation_of(spec)
     list_begin, list_step, neighbour, Listed = list_access(spec)
+    particle_of, lane_of, part_of, added = lanes_of(spec, phased)
 
     @wp.kernel(module="unique", enable_backward=False, module_options=SWEEP_OPTIONS)
     def phase_shares(
@@ -99,7 +101,8 @@ def make_phase_shares(spec: Spec) -> Any:
         fraction: wp.array(dtype=real),
         share: wp.array(dtype=phased),
     ):
-        i = wp.tid() + first
+        t = wp.tid()
+        i, lane = particle_of(t) + first, lane_of(t)
         if wp.static(spec.row_list):
             if i >= counters[BAND_COUNT]:
                 return
@@ -110,14 +113,20 @@ def make_phase_shares(spec: Spec) -> Any:
         own = int(phase[i])
         found = phased()
         found[own] = shape(real(0.0)) * state[i][1]
-        k = list_begin(i, list_width)
-        step = list_step(particle_count)
-        end = k + int(fluid_neighbours[i]) * step
+        if wp.static(spec.lanes > 1):
+            found[own] = wp.where(lane == 0, found[own], real(0.0))  # its own place counts once
+        begin, stride = list_begin(i, list_width), list_step(particle_count)
+        end = begin + int(fluid_neighbours[i]) * stride
+        k, step = part_of(begin, stride, lane)
         while k < end:
             j = neighbour(neighbours, i, k)
             k += step
             d = separation(xi, position[j], True, params)
             found[int(phase[j])] += shape(wp.sqrt(wp.dot(d, d)) * params.inv_h) * state[j][1]
+        if wp.static(spec.lanes > 1):
+            found = added(found)
+            if lane > 0:
+                return
         every = real(0.0)
         for each in range(phases):
             every += found[each]
@@ -131,7 +140,7 @@ def make_phase_shares(spec: Spec) -> Any:
         share[i] = found
         fraction[i] = found[own]
 
-    return phase_shares
+    return shared(phase_shares, spec)
 
 
 @functools.cache
@@ -147,6 +156,7 @@ def make_phase_normals(spec: Spec) -> Any:
     _, slope = make_smoothing(spec.kernel, spec.precision)
     separation = separation_of(spec)
     list_begin, list_step, neighbour, Listed = list_access(spec)
+    particle_of, lane_of, part_of, added_normals, added_mat = lanes_of(spec, normals, mat)
 
     @wp.kernel(module="unique", enable_backward=False, module_options=SWEEP_OPTIONS)
     def phase_normals(
@@ -167,7 +177,8 @@ def make_phase_normals(spec: Spec) -> Any:
         interface_weight: wp.array(dtype=phased),
         normal: wp.array(dtype=vec),
     ):
-        i = wp.tid() + first
+        t = wp.tid()
+        i, lane = particle_of(t) + first, lane_of(t)
         if wp.static(spec.row_list):
             if i >= counters[BAND_COUNT]:
                 return
@@ -178,9 +189,9 @@ def make_phase_normals(spec: Spec) -> Any:
         share_i = share[i]
         n = normals()
         moment = mat()
-        k = list_begin(i, list_width)
-        step = list_step(particle_count)
-        end = k + int(fluid_neighbours[i]) * step
+        begin, stride = list_begin(i, list_width), list_step(particle_count)
+        end = begin + int(fluid_neighbours[i]) * stride
+        k, step = part_of(begin, stride, lane)
         while k < end:
             j = neighbour(neighbours, i, k)
             k += step
@@ -188,6 +199,10 @@ def make_phase_normals(spec: Spec) -> Any:
             fd = (slope(wp.sqrt(wp.dot(d, d)) * params.inv_h) * state[j][1] * params.g_norm) * d
             n += wp.outer(share[j] - share_i, fd)
             moment -= wp.outer(d, fd)
+        if wp.static(spec.lanes > 1):
+            n, moment = added_normals(n), added_mat(moment)
+            if lane > 0:
+                return
         if wp.determinant(moment) > real(SMALLEST_MOMENT):
             n = n * wp.inverse(moment)  # symmetric
         weight = phased()
@@ -199,7 +214,7 @@ def make_phase_normals(spec: Spec) -> Any:
         interface_weight[i] = weight
         normal[i] = n[int(phase[i])]
 
-    return phase_normals
+    return shared(phase_normals, spec)
 
 
 @functools.cache
@@ -212,6 +227,7 @@ def make_phase_curvatures(spec: Spec) -> Any:
     _, slope = make_smoothing(spec.kernel, spec.precision)
     separation = separation_of(spec)
     list_begin, list_step, neighbour, Listed = list_access(spec)
+    particle_of, lane_of, part_of, added = lanes_of(spec, mat)
     straightened = make_straightened(spec.kernel, spec.dimension, spec.precision)
     d_real = float(spec.dimension)
 
@@ -232,7 +248,8 @@ def make_phase_curvatures(spec: Spec) -> Any:
         interface_weight: wp.array(dtype=phased),
         curvature: wp.array(dtype=phased),
     ):
-        i = wp.tid() + first
+        t = wp.tid()
+        i, lane = particle_of(t) + first, lane_of(t)
         if wp.static(spec.row_list):
             if i >= counters[BAND_COUNT]:
                 return
@@ -241,16 +258,16 @@ def make_phase_curvatures(spec: Spec) -> Any:
             return
         xi = position[i]
         kappas = phased()
-        step = list_step(particle_count)
-        begin = list_begin(i, list_width)
-        end = begin + int(fluid_neighbours[i]) * step
+        begin, stride = list_begin(i, list_width), list_step(particle_count)
+        end = begin + int(fluid_neighbours[i]) * stride
+        own_begin, step = part_of(begin, stride, lane)
         each = int(0)
         while each < phases:
             if interface_weight[i][each] > real(0.0):
                 unit_i = wp.normalize(phase_normal[i][each])
                 moment = mat()
                 spread = mat()
-                k = begin
+                k = int(own_begin)
                 while k < end:
                     j = neighbour(neighbours, i, k)
                     k += step
@@ -260,15 +277,20 @@ def make_phase_curvatures(spec: Spec) -> Any:
                         unit_j = wp.normalize(phase_normal[j][each])
                         moment -= f * wp.outer(d, d)
                         spread += f * wp.outer(d, unit_i - unit_j)
+                if wp.static(spec.lanes > 1):
+                    moment, spread = added(moment), added(spread)
                 kappa = real(d_real) * wp.trace(spread) / wp.max(wp.trace(moment), real(1.0e-6))
                 if wp.determinant(moment) > real(SMALLEST_MOMENT):
                     kappa = straightened(params.h * wp.inverse(moment) * spread) * params.inv_h
                 limit = real(SHARPEST) * params.inv_h
                 kappas[each] = wp.clamp(kappa, -limit, limit)
             each += 1
+        if wp.static(spec.lanes > 1):
+            if lane > 0:
+                return
         curvature[i] = kappas
 
-    return phase_curvatures
+    return shared(phase_curvatures, spec)
 
 
 @functools.cache
@@ -283,6 +305,7 @@ def make_phase_evened(spec: Spec, sharp: bool) -> Any:
     Params = make_params(spec.dimension, spec.precision)
     separation = separation_of(spec)
     list_begin, list_step, neighbour, Listed = list_access(spec)
+    particle_of, lane_of, part_of, added = lanes_of(spec, real)
     reach2 = KERNELS[spec.kernel].support ** 2
     sharper = sharpness(spec.kernel, spec.dimension)
 
@@ -304,7 +327,8 @@ def make_phase_evened(spec: Spec, sharp: bool) -> Any:
         curvature: wp.array(dtype=phased),
         mean_curvature: wp.array(dtype=phased),
     ):
-        i = wp.tid() + first
+        t = wp.tid()
+        i, lane = particle_of(t) + first, lane_of(t)
         if wp.static(spec.row_list):
             if i >= counters[BAND_COUNT]:
                 return
@@ -317,17 +341,19 @@ def make_phase_evened(spec: Spec, sharp: bool) -> Any:
             own = mean_curvature[i]
         means = phased()
         inv_width2 = real(NARROW) * params.inv_h * params.inv_h
-        step = list_step(particle_count)
-        begin = list_begin(i, list_width)
-        end = begin + int(fluid_neighbours[i]) * step
+        begin, stride = list_begin(i, list_width), list_step(particle_count)
+        end = begin + int(fluid_neighbours[i]) * stride
+        own_begin, step = part_of(begin, stride, lane)
         each = int(0)
         while each < phases:
             weight = interface_weight[i][each]
             if weight > real(0.0):
                 unit_i = wp.normalize(phase_normal[i][each])
                 total = weight * weight * state[i][1]
+                if wp.static(spec.lanes > 1):
+                    total = wp.where(lane == 0, total, real(0.0))  # its own place counts once
                 mean = total * own[each]
-                k = begin
+                k = int(own_begin)
                 while k < end:
                     j = neighbour(neighbours, i, k)
                     k += step
@@ -343,8 +369,13 @@ def make_phase_evened(spec: Spec, sharp: bool) -> Any:
                             mean += w * mean_curvature[j][each]
                         else:
                             mean += w * curvature[j][each]
+                if wp.static(spec.lanes > 1):
+                    mean, total = added(mean), added(total)
                 means[each] = mean / total
             each += 1
+        if wp.static(spec.lanes > 1):
+            if lane > 0:
+                return
         if wp.static(sharp):
             limit = real(SHARPEST) * params.inv_h
             for each in range(phases):
@@ -353,4 +384,4 @@ def make_phase_evened(spec: Spec, sharp: bool) -> Any:
         else:
             mean_curvature[i] = means
 
-    return phase_evened
+    return shared(phase_evened, spec)

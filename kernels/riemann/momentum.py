@@ -32,6 +32,7 @@ import warp as wp
 
 from warpsph.kernels.core.clock import MAXIMA, STEP
 from warpsph.kernels.core.fields import FLUID
+from warpsph.kernels.core.lanes import lanes_of, shared
 from warpsph.kernels.core.pair import BAND, NEAR, WRAPPED, list_access, look_ahead, make_at, make_part, separation_of, way_of
 from warpsph.kernels.core.params import make_params, make_phase
 from warpsph.kernels.core.planes import make_along_plane, make_cell_faces, make_planes
@@ -102,6 +103,7 @@ def make_momentum(spec: Spec) -> Any:
     window = make_window(spec.precision)
     series_mean = make_series_mean(spec.precision)
     stress_traction, stress_jump = make_interface_stress(spec.dimension, spec.precision)
+    particle_of, lane_of, part_of, added, added_vec, added_mat = lanes_of(spec, real, vec, mat)
 
     # of what it sums, vectors and matrices in 3-D and numbers in float64 take more registers
     @wp.kernel(**pair_sweep(spec, 4 - (spec.dimension > 2) - (spec.precision == "float64")))
@@ -154,7 +156,8 @@ def make_momentum(spec: Spec) -> Any:
         disorder_force: wp.array(dtype=vec),
         counters: wp.array(dtype=int),
     ):
-        i = wp.tid() + first
+        t = wp.tid()
+        i, lane = particle_of(t) + first, lane_of(t)
         if wp.static(spec.open_axis >= 0):
             if int(zone[i]) != FLUID:
                 # nothing pushes a buffer: `open_flow` says how it moves
@@ -216,12 +219,14 @@ def make_momentum(spec: Spec) -> Any:
         half_row = real(0.5) * params.spacing * params.inv_h  # least depth that friction counts
         lone = real(0.0)
         room = state_i[1]  # sum of (1 - r^2/R^2)^4 V, its own place included
+        if wp.static(spec.lanes > 1):
+            room = wp.where(lane == 0, room, real(0.0))  # its own place counts once
         fluid_count = particle_count - slip.shape[0]
         if wp.static(spec.bodies):
             fluid_count = particle_count - boundary_volume.shape[0]
-        k = list_begin(i, list_width)
-        step = list_step(particle_count)
-        end = k + int(fluid_neighbours[i]) * step
+        begin, stride = list_begin(i, list_width), list_step(particle_count)
+        end = begin + int(fluid_neighbours[i]) * stride
+        k, step = part_of(begin, stride, lane)
         ahead = look(neighbours, i, k, end)
         if wp.static(spec.multiphase):
             if near:
@@ -345,6 +350,31 @@ def make_momentum(spec: Spec) -> Any:
             for row in range(wp.static(spec.dimension)):
                 moment[axis, row] += m_sum[axis, row]
                 flow[axis, row] += f_sum[axis, row]
+        if wp.static(spec.lanes > 1):
+            pressure_sum, own_sum = added_vec(pressure_sum), added_vec(own_sum)
+            if wp.static(viscous):
+                viscous_sum = added_vec(viscous_sum)
+            if wp.static(spec.shifting):
+                even, apart, flow = added_vec(even), added_vec(apart), added_mat(flow)
+            if wp.static(spec.walls):
+                own_even = added_vec(own_even)
+            if wp.static(spec.corrected):
+                moment = added_mat(moment)
+            if wp.static(spec.room):
+                room = added(room)
+            if wp.static(spec.interface_force):
+                repulsion = added_vec(repulsion)
+            if wp.static(spec.multiphase):
+                beside = added(wp.where(beside, real(1.0), real(0.0))) > real(0.0)
+            inner, known = mat(), bool(False)
+            if wp.static(spec.disorder):
+                if due_next(counters):
+                    inner, known = own_gradient(
+                        i, lane, list_width, particle_count, wrapped, params, neighbours, fluid_neighbours, phase, position,
+                        velocity, state)  # fmt: skip
+            if lane > 0:
+                return
+            k, step = end, stride
         if wp.static(spec.walls):
             end += int(wall_neighbours[i]) * step
             while k < end:
@@ -557,9 +587,10 @@ def make_momentum(spec: Spec) -> Any:
         if wp.static(spec.disorder):
             if due_next(counters):
                 # of the fluid alone: mirrored velocities of no-slip walls are no part of the flow between particles
-                inner, known = own_gradient(
-                    i, list_width, particle_count, wrapped, params, neighbours, fluid_neighbours, phase, position, velocity,
-                    state)  # fmt: skip
+                if wp.static(spec.lanes == 1):  # else known before the lanes part
+                    inner, known = own_gradient(
+                        i, lane, list_width, particle_count, wrapped, params, neighbours, fluid_neighbours, phase, position,
+                        velocity, state)  # fmt: skip
                 speed = real(UNKNOWN)
                 if known:
                     speed = speed_of_disorder(inner, clings, params, own)
@@ -622,4 +653,4 @@ def make_momentum(spec: Spec) -> Any:
             if a2 > maxima[slot * MAXIMA + 1]:
                 wp.atomic_max(maxima, slot * MAXIMA + 1, a2)
 
-    return momentum
+    return shared(momentum, spec)

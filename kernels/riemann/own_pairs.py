@@ -8,6 +8,7 @@ from typing import Any
 
 import warp as wp
 
+from warpsph.kernels.core.lanes import lanes_of
 from warpsph.kernels.core.pair import list_access, look_ahead, make_part, way_of
 from warpsph.kernels.core.params import make_params, make_phase
 from warpsph.kernels.core.smoothing import make_smoothing
@@ -26,6 +27,8 @@ def make_own_rates(spec: Spec) -> tuple[Any, Any]:
     way, part, part_of_pair = way_of(spec), make_part(vec), make_part(pair)
     (_, _, _, Listed), (look, taken, onward) = list_access(spec), look_ahead(spec)
     spray, linear = spec.free_surface and not spec.multiphase, spec.bodies and spec.corrected
+
+    *_, added, added_mat = lanes_of(spec, real, mat)
 
     @wp.struct
     class OwnRates:
@@ -91,16 +94,18 @@ def make_own_rates(spec: Spec) -> tuple[Any, Any]:
                 stiffness -= f * r
                 crowd -= f * r2
         sums = OwnRates()
-        sums.rate = rate
-        sums.blur = blur
-        sums.stiffness = stiffness
-        sums.crowd = crowd
+        sums.rate = added(rate)
+        sums.blur = added(blur)
+        if wp.static(spray):
+            sums.stiffness = added(stiffness)
+            sums.crowd = added(crowd)
         for row in range(wp.static(spec.dimension)):
             for axis in range(wp.static(spec.dimension)):
                 flow_of_all[row, axis] = flow[row, axis]
                 moment_of_all[row, axis] = moment[row, axis]
-        sums.flow = flow_of_all
-        sums.moment = moment_of_all
+        if wp.static(linear):
+            sums.flow = added_mat(flow_of_all)
+            sums.moment = added_mat(moment_of_all)
         return sums
 
     return OwnRates, own_rates

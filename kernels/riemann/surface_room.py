@@ -16,6 +16,7 @@ from typing import Any
 import warp as wp
 
 from warpsph.kernels.core.eigenvalue import WHOLE, make_least_eigenvalue
+from warpsph.kernels.core.lanes import lanes_of, shared
 from warpsph.kernels.core.pair import list_access, separation_of
 from warpsph.kernels.core.params import make_params
 from warpsph.kernels.core.smoothing import KERNELS, make_smoothing
@@ -31,7 +32,7 @@ def make_surface_room(spec: Spec) -> Any:
     Params = make_params(spec.dimension, spec.precision)
     _, slope = make_smoothing(spec.kernel, spec.precision)
     separation, least_eigenvalue = separation_of(spec), make_least_eigenvalue(spec.dimension, spec.precision)
-    window = make_window(spec.precision)
+    window, (particle_of, lane_of, part_of, added, added_mat) = make_window(spec.precision), lanes_of(spec, real, mat)
     list_begin, list_step, neighbour, Listed = list_access(spec)
 
     @wp.kernel(module="unique", enable_backward=False)
@@ -51,13 +52,16 @@ def make_surface_room(spec: Spec) -> Any:
         wholeness: wp.array(dtype=real),
         room_part: wp.array(dtype=real),
     ):
-        i = wp.tid() + first
+        t = wp.tid()
+        i, lane = particle_of(t) + first, lane_of(t)
         x, v = position[i], velocity[i]
         moment, flow = mat(), mat()  # -sum of x_ij (x) F V x_ij, sum of (v_j - v_i) (x) F V x_ij over the fluid
         room = state[i][1]  # sum of (1 - r^2/R^2)^4 V, its own place included
-        step = list_step(particle_count)
-        k = list_begin(i, list_width)
-        end = k + int(fluid_neighbours[i]) * step
+        if wp.static(spec.lanes > 1):
+            room = wp.where(lane == 0, room, real(0.0))  # its own place counts once
+        begin, stride = list_begin(i, list_width), list_step(particle_count)
+        end = begin + int(fluid_neighbours[i]) * stride
+        k, step = part_of(begin, stride, lane)
         while k < end:
             j = neighbour(neighbours, i, k)
             k += step
@@ -67,6 +71,11 @@ def make_surface_room(spec: Spec) -> Any:
             moment -= wp.outer(d, fd)
             flow += wp.outer(velocity[j] - v, fd)
             room += window(r2, params.inv_window) * state[j][1]
+        if wp.static(spec.lanes > 1):
+            moment, flow, room = added_mat(moment), added_mat(flow), added(room)
+            if lane > 0:
+                return
+        k, step = end, stride
         if wp.static(spec.walls):
             end += int(wall_neighbours[i]) * step
             while k < end:
@@ -84,7 +93,7 @@ def make_surface_room(spec: Spec) -> Any:
         pace = wp.sqrt(wp.ddot(strain, strain)) * params.g_norm
         room_part[i] = params.room * pace * (room * params.window_norm - real(1.0))
 
-    return surface_room
+    return shared(surface_room, spec)
 
 
 @functools.cache

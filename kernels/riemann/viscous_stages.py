@@ -16,6 +16,7 @@ from typing import Any
 import warp as wp
 
 from warpsph.kernels.core.clock import COURANT, MAXIMA, SOUND, STEP_CAP
+from warpsph.kernels.core.lanes import lanes_of, shared
 from warpsph.kernels.core.pair import NEAR, WRAPPED, list_access, separation_of
 from warpsph.kernels.core.params import make_params, make_phase
 from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, types_of
@@ -36,6 +37,7 @@ def make_viscous_stage(spec: Spec, closing: bool) -> Any:
     viscous_term = make_viscosity(spec.viscosity, spec.dimension, spec.precision)
     slope = make_friction_slope(spec.viscosity, spec.kernel, spec.dimension, spec.precision)
     series_mean = make_series_mean(spec.precision)
+    particle_of, lane_of, part_of, added = lanes_of(spec, vec)
     periodic = any(spec.periodic)
 
     @wp.kernel(module="unique", enable_backward=False, module_options=SWEEP_OPTIONS)
@@ -68,7 +70,8 @@ def make_viscous_stage(spec: Spec, closing: bool) -> Any:
         acceleration: wp.array(dtype=vec),
         maxima: wp.array(dtype=real),
     ):
-        i = wp.tid() + first
+        t = wp.tid()
+        i, lane = particle_of(t) + first, lane_of(t)
         xi = position[i]
         y = rate_now[i]
         own = phases[0]
@@ -83,9 +86,9 @@ def make_viscous_stage(spec: Spec, closing: bool) -> Any:
             wrapped = (int(flags[i]) & WRAPPED) != 0
         friction = vec()
         half_row = real(0.5) * params.spacing * params.inv_h  # least depth that friction counts
-        k = list_begin(i, list_width)
-        step = list_step(particle_count)
-        end = k + int(fluid_neighbours[i]) * step
+        begin, stride = list_begin(i, list_width), list_step(particle_count)
+        end = begin + int(fluid_neighbours[i]) * stride
+        k, step = part_of(begin, stride, lane)
         if wp.static(spec.multiphase):
             if near:
                 while k < end:
@@ -109,6 +112,11 @@ def make_viscous_stage(spec: Spec, closing: bool) -> Any:
             r2 = wp.dot(d, d)
             f = slope(wp.sqrt(r2) * params.inv_h) * state[j][1]
             friction += (own.viscosity * f) * viscous_term(y - rate_now[j], d, r2 + params.tiny, params.inv_h)
+        if wp.static(spec.lanes > 1):
+            friction = added(friction)
+            if lane > 0:
+                return
+        k, step = end, stride
         if wp.static(spec.wall_no_slip):
             end += int(wall_neighbours[i]) * step
             wall_first = particle_count - slip.shape[0]
@@ -134,4 +142,4 @@ def make_viscous_stage(spec: Spec, closing: bool) -> Any:
         else:
             rate_next[i] = result
 
-    return viscous_stage
+    return shared(viscous_stage, spec)

@@ -60,8 +60,10 @@ def test_who_looks_ahead():
 
 
 def test_registers_are_limited_where_particles_wait_for_them():
-    """132 multiprocessors with two blocks of 256 each run 67 584 particles at once."""
-    assert few_particles(67_584, 132) and not few_particles(67_585, 132)
+    """132 multiprocessors with four blocks of 256 each have 135 168 threads."""
+    assert few_particles(SEVERAL, 135_168, 132) and not few_particles(SEVERAL, 135_169, 132)
+    double = dataclasses.replace(SEVERAL, precision="float64")
+    assert few_particles(double, 67_584, 132) and not few_particles(double, 67_585, 132)
     assert "launch_bounds" in pair_sweep(SEVERAL)
     assert "launch_bounds" not in pair_sweep(dataclasses.replace(SEVERAL, few=True))
     assert "launch_bounds" not in pair_sweep(dataclasses.replace(SEVERAL, multiphase=False))

@@ -17,6 +17,7 @@ import warp as wp
 
 from warpsph.engine.replay import Replay
 from warpsph.engine.team import ThreadTeam
+from warpsph.kernels.core.lanes import threads_of
 
 OWN = frozenset({"first", "slot"})  # arguments that a launch gives itself
 SMALLEST_SHARE = 256  # items below which a launch is not worth splitting
@@ -130,7 +131,8 @@ class Launcher:
 
     def _whole(self, name: str, kernel: Any, count: int, bindings: Bindings, start: int, extra: dict[str, Any]) -> Task:
         values = bindings.arguments(kernel, {"first": start, "slot": 0, **extra})
-        command = wp.launch(kernel, dim=max(count, 1), inputs=values, device=self.device, record_cmd=True)
+        threads = threads_of(kernel)
+        command = wp.launch(kernel, dim=max(count, 1) * threads, inputs=values, device=self.device, record_cmd=True)
         if not self.is_cpu:
 
             def run() -> None:
@@ -138,7 +140,7 @@ class Launcher:
                 if count > 0:
                     command.launch()
 
-            return Task(name, run, lambda new: command.set_dim(max(new, 1)))
+            return Task(name, run, lambda new: command.set_dim(max(new, 1) * threads))
 
         replay = Replay(command)
         active: list[Callable[[], None]] = [replay.launch] if count > 0 else []

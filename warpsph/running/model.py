@@ -22,6 +22,7 @@ from warpsph.engine.stepper import Stepper
 from warpsph.errors import WarpsphError
 from warpsph.kernels.core import clock as ck
 from warpsph.kernels.core.fields import FLUID as IN_FLUID
+from warpsph.kernels.core.lanes import lanes_for
 from warpsph.kernels.core.leaks import EVERYWHERE, LARGEST, LAST
 from warpsph.kernels.core.mirror import FREE_SLIP, NO_SLIP, NO_WALL, make_sides
 from warpsph.kernels.core.params import make_params, make_phase
@@ -110,8 +111,10 @@ class Model:
         self.geometry = geometry if geometry is not None else build(case, support_radius(case))
         self.forcing = forcing_of(case)
         self.physics: Physics = derive(case, self.geometry, row_list=self.launcher.is_cpu)
-        if not self.launcher.is_cpu and few_particles(self.geometry.fluid_count, self.device.sm_count):
-            self.physics = dataclasses.replace(self.physics, spec=dataclasses.replace(self.physics.spec, few=True))
+        if not self.launcher.is_cpu:
+            spec, count = self.physics.spec, (self.geometry.fluid_count, self.device.sm_count)
+            spec = dataclasses.replace(spec, few=few_particles(spec, *count), lanes=lanes_for(spec, *count))
+            self.physics = dataclasses.replace(self.physics, spec=spec)
         unlock = float(self.physics.choices["unlock"])
         fitted = self.geometry.arrangement == "fitted"
         if geometry is None and fresh and (fitted or unlock > case.start.noise):
