@@ -42,7 +42,7 @@ SIZES = {
     "delta": (5e3, 1e4, 4e4, 1e5, 2.5e5, 1e6),
     "surface": (1.2e4, 4e4, 1e5),
     "surface_3d": (1.8e4, 6e4),
-    "box": (1e4, 3e4, 6e4, 1.25e5, 3e5, 1e6),
+    "box": (1e4, 3e4, 6e4, 1.25e5, 3e5, 1e6, 3e6),
     "shear": (8e3, 3e4),
     "shear_3d": (3e4, 1.2e5, 4e5),
     "blast": (1e4, 4e4, 1.3e5),

@@ -33,8 +33,8 @@ MOST = 8
 BUSY = 1024
 """Threads of a multiprocessor up to which more lanes make a step of one phase in 2-D shorter (docs/speed.md#lanes)."""
 
-SEVERAL, DEEP = 4, 6
-"""How many times that many with several phases or in a gas, and in 3-D: particles with more work."""
+SEVERAL, DEEP = 4, 16
+"""How many times that many with several phases or in a gas, and in 3-D: more work a pair, more pairs a particle."""
 
 
 @functools.cache
@@ -140,8 +140,11 @@ def lanes_for(spec: Spec, count: int, multiprocessors: int) -> int:
     """Return the lanes of each of `count` particles on a GPU of so many multiprocessors."""
     if spec.dimension == 1:
         return 1
-    room = BUSY * multiprocessors * (DEEP if spec.dimension == 3 else 1)
-    room *= SEVERAL if spec.multiphase or spec.varying_h else 1
+    room = BUSY * multiprocessors
+    if spec.dimension == 3:
+        room *= DEEP
+    elif spec.multiphase or spec.varying_h:
+        room *= SEVERAL
     lanes = 1
     while 2 * lanes <= MOST and 2 * lanes * count <= room:
         lanes *= 2

@@ -141,12 +141,13 @@ def test_sums_and_largest_over_lanes(lanes, precision, device):
         ({}, 5_000, 8), ({}, 16_896, 8), ({}, 16_897, 4), ({}, 33_793, 2), ({}, 67_585, 1), ({}, 10**6, 1),
         ({"multiphase": True}, 67_584, 8), ({"multiphase": True}, 67_585, 4), ({"multiphase": True}, 10**6, 1),
         ({"varying_h": True}, 67_584, 8), ({"varying_h": True, "dimension": 1}, 67_584, 1),
-        ({"dimension": 3}, 10**5, 8), ({"dimension": 3}, 125_000, 4), ({"dimension": 3}, 10**6, 1),
+        ({"dimension": 3}, 270_336, 8), ({"dimension": 3}, 270_337, 4), ({"dimension": 3, "multiphase": True}, 10**6, 2),
+        ({"dimension": 3}, 10**7, 1),
         ({"dimension": 1}, 100, 1),
     ],
 )  # fmt: skip
 def test_how_many_lanes(changes, count, lanes):
-    """Of 132 multiprocessors: 1 024 threads each, times 4 with several phases or in a gas, 6 in 3-D; at most eight lanes."""
+    """Of 132 multiprocessors: 1 024 threads each, 4 times that with several phases or in a gas, 16 times in 3-D; at most 8."""
     assert lanes_for(dataclasses.replace(PLAIN, **changes), count, 132) == lanes
 
 
