@@ -26,6 +26,7 @@ import bench_speed  # noqa: E402
 import profile_stages  # noqa: E402
 
 from warpsph.case.case import Case  # noqa: E402
+from warpsph.kernels.core.lanes import lanes_for  # noqa: E402
 from warpsph.running.model import Model, quiet_warp  # noqa: E402
 from warpsph.study.provenance import provenance  # noqa: E402
 
@@ -63,18 +64,11 @@ def parsed(text: str) -> tuple[str, tuple[float, ...]]:
         raise argparse.ArgumentTypeError(f"{text}: sizes are numbers of particles, as in {scene}:10000,40000") from None
 
 
-def measure(data: dict[str, Any], lanes: int, device: str, seconds: float) -> tuple[int, int, float]:
-    """Return (particles, lanes by the rule, ms a step) of a scene with so many lanes; 0: those of the rule."""
+def measure(data: dict[str, Any], lanes: int, device: str, seconds: float) -> tuple[Model, float]:
+    """Return a scene's model with so many lanes, and the ms a step that it takes."""
     from warpsph.running import model as of_model
 
-    rule = of_model.lanes_for
-    asked: list[int] = []
-
-    def chosen(*arguments: Any) -> int:
-        asked.append(rule(*arguments))
-        return lanes or asked[-1]
-
-    with mock.patch.object(of_model, "lanes_for", chosen):
+    with mock.patch.object(of_model, "lanes_for", return_value=lanes):
         model = Model(Case.from_dict(data), device=device)
     stepper = model.stepper
     stepper.prepare(fresh=True)
@@ -90,7 +84,7 @@ def measure(data: dict[str, Any], lanes: int, device: str, seconds: float) -> tu
         stepper.run(FOREVER, portion)
         stepper.read()
         times.append((time.perf_counter() - begin) / portion)
-    return model.particles.fluid_count, asked[0], 1.0e3 * statistics.median(times)
+    return model, 1.0e3 * statistics.median(times)
 
 
 def main() -> None:
@@ -111,14 +105,18 @@ def main() -> None:
         for size in sizes:
             data = {**SCENES[scene](int(size)), "precision": arguments.precision}
             found = {lanes: measure(data, lanes, arguments.device, arguments.seconds) for lanes in arguments.lanes}
-            particles, rule, _ = found[arguments.lanes[0]]
-            row = {"scene": scene, "particles": particles, "precision": arguments.precision, "rule": rule}
-            row["ms_per_step"] = {str(lanes): found[lanes][2] for lanes in arguments.lanes}
+            model = found[arguments.lanes[0]][0]
+            spec, particles = model.physics.spec, model.particles.fluid_count
+            rule = lanes_for(spec, particles, model.device.sm_count)
+            row = {"scene": scene, "particles": particles, "precision": arguments.precision, "dimension": spec.dimension}
+            row |= {"multiphase": spec.multiphase, "varying_h": spec.varying_h}
+            row["ms_per_step"] = {str(lanes): found[lanes][1] for lanes in arguments.lanes}
             rows.append(row)
-            times = " ".join(f"{found[lanes][2]:9.4f}" for lanes in arguments.lanes)
+            times = " ".join(f"{found[lanes][1]:9.4f}" for lanes in arguments.lanes)
             print(f"{scene:12} {particles:9d} {rule:4d}  {times}", flush=True)
     if arguments.json:
-        record = {**provenance(), "device": wp.get_device(arguments.device).name, "rows": rows}
+        device = wp.get_device(arguments.device)
+        record = {**provenance(), "device": device.name, "multiprocessors": device.sm_count, "rows": rows}
         arguments.json.write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
 
 

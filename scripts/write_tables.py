@@ -42,6 +42,8 @@ from warpsph.case.case import Case
 from warpsph.case.case_file import load_case
 from warpsph.case.references import ReferenceValue
 from warpsph.errors import CaseError
+from warpsph.kernels.core.lanes import lanes_for
+from warpsph.kernels.core.spec import Spec
 from warpsph.study import baseline
 from warpsph.study.comparison import definition_of
 from warpsph.study.reference_files import known_curve
@@ -400,13 +402,16 @@ def speed_h200() -> str:
 
 
 def lanes_h200() -> str:
-    """Milliseconds a step by lanes of a particle, the number that runs take by themselves in bold."""
-    rows = _speeds("lanes_h200")
+    """Milliseconds a step by lanes of a particle, in bold the number that a run takes by itself."""
+    record = json.loads((BENCHMARKS / "lanes_h200.json").read_text(encoding="utf-8"))
+    rows = record["rows"]
     lanes = list(rows[0]["ms_per_step"])
     lines = []
     for row in rows:
         times = [f"{row['ms_per_step'][n]:.3f}" for n in lanes]
-        bold = [f"**{text}**" if int(n) == row["rule"] else text for n, text in zip(lanes, times, strict=True)]
+        spec = Spec(row["dimension"], multiphase=row["multiphase"], varying_h=row["varying_h"])
+        own = lanes_for(spec, row["particles"], record["multiprocessors"])
+        bold = [f"**{text}**" if int(n) == own else text for n, text in zip(lanes, times, strict=True)]
         lines.append([row["scene"], spaced(row["particles"]), *bold])
     return table(["scene", "particles", *lanes], "lr" + "r" * len(lanes), lines)
 

@@ -33,8 +33,11 @@ MOST = 8
 BUSY = 1024
 """Threads of a multiprocessor up to which more lanes make a step of one phase in 2-D shorter (docs/speed.md#lanes)."""
 
-SEVERAL, DEEP = 4, 16
+SEVERAL, DEEP = 4, 12
 """How many times that many with several phases or in a gas, and in 3-D: more work a pair, more pairs a particle."""
+
+RESIDENT = 2048
+"""Threads that a multiprocessor holds: more than it holds are never worth so many lanes as `MOST`."""
 
 
 @functools.cache
@@ -137,18 +140,20 @@ def make_largest(lanes: int, number: Any) -> Any:
 
 
 def lanes_for(spec: Spec, count: int, multiprocessors: int) -> int:
-    """Return the lanes of each of `count` particles on a GPU of so many multiprocessors."""
+    """Return the lanes of each of `count` particles on a GPU of so many multiprocessors; in 3-D two at least."""
     if spec.dimension == 1:
         return 1
-    room = BUSY * multiprocessors
+    room = BUSY
     if spec.dimension == 3:
         room *= DEEP
     elif spec.multiphase or spec.varying_h:
         room *= SEVERAL
-    lanes = 1
-    while 2 * lanes <= MOST and 2 * lanes * count <= room:
-        lanes *= 2
-    return lanes
+    if MOST * count <= min(room, RESIDENT) * multiprocessors:
+        return MOST
+    lanes = MOST // 2
+    while lanes > 1 and lanes * count > room * multiprocessors:
+        lanes //= 2
+    return max(lanes, 2) if spec.dimension == 3 else lanes
 
 
 def lanes_of(spec: Spec, *dtypes: Any) -> tuple[Any, ...]:
