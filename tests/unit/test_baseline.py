@@ -1,6 +1,7 @@
 """Errors held to recorded ones: the verdict on each, what a record holds, and the command that makes and uses it."""
 
 import copy
+import dataclasses
 import json
 import math
 import sys
@@ -214,6 +215,18 @@ def test_record_hold_and_fail(folder, command):
     (folder / "record.json").write_text(json.dumps(record))
     code, out, _ = command()
     assert code == 0 and "better" in out and "--record" in out
+
+
+def test_disturbed_runs_start_and_step_a_little_otherwise(folder):
+    """Also where the Courant number is the program's: places alone say nothing where it displaces a lattice itself."""
+    (run,) = validation.plan("ci", places=[folder / "vortices.yaml"])
+    given = run.case.replace({"numerics.courant": 0.3})
+    for case, courant in ((run.case, 0.5), (given, 0.3)):
+        plain, *disturbed = (each.case for each in baseline.variants([dataclasses.replace(run, case=case)]))
+        assert plain is case and len(disturbed) == 2
+        for times, other in enumerate(disturbed, 1):
+            assert other.start.noise == pytest.approx(case.start.noise + 1e-5 * times, rel=1e-12)
+            assert other.numerics.courant == pytest.approx(courant * (1 - 1e-5 * times), rel=1e-12)
 
 
 def test_a_record_of_a_run_without_numbers_is_refused(folder, command):

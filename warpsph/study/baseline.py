@@ -10,10 +10,11 @@ they show is a change. Each error is held to the one on record:
     new       nothing is on record: asks to be recorded; fails beyond the limit of the case
     held      else; beyond the limit of the case it is a known miss
 
-Noise is what an error changes by for no reason, as by another order of a sum: the same run is made again with start.noise
-greater by DISTURBANCE, about the rounding of a position in float32, and by twice that. Where the program displaces a lattice
-by more than that anyway (numerics.unlock) the places stay, and what is derived from them, such as sound speeds, changes in
-its last digits. The record holds NOISE_FACTOR times the larger change, as two runs rarely show the largest that there is.
+Noise is what an error changes by for no reason, as by another order of a sum on another processor: the same run is made
+again with start.noise greater by DISTURBANCE, about the rounding of a position in float32, and a Courant number less by
+that share of itself, and again by twice that. Where the program displaces a lattice by more anyway (numerics.unlock) the
+places stay, and the steps alone differ. The record holds NOISE_FACTOR times the larger change, as two runs rarely show the
+largest that there is.
 Other random starts (start.seed) would change many errors by more: which one is drawn is part of a run.
 
     record: {commit, dirty, date, command, level, device, threads, versions, processor, noise, runs}
@@ -35,6 +36,8 @@ from typing import Any
 from warpsph.errors import CaseError, Problem
 from warpsph.files.output import json_text
 from warpsph.files.whole_files import write_text
+from warpsph.scene.geometry import build
+from warpsph.scene.physics import derive, support_radius
 from warpsph.study.provenance import CHECKOUT, provenance
 from warpsph.study.validation import MISSED, Planned, Table, file_name
 
@@ -45,7 +48,7 @@ SLACK = 0.1
 """Share of the recorded error by which an error may change."""
 
 DISTURBANCE = 1e-5
-"""By how much more start.noise displaces the particles of a disturbed run, in particle spacings."""
+"""By how much more start.noise displaces the particles of a disturbed run, in spacings, and shorter its steps are."""
 
 TIMES = (1, 2)
 """How many times the DISTURBANCE each disturbed run has."""
@@ -185,12 +188,16 @@ def variants(runs: Iterable[Planned]) -> list[Planned]:
     """Each run, followed by the disturbed ones that show its noise.
 
     Displacements are random numbers times start.noise: a little more of it moves each particle a little in its direction.
+    Steps that are a little shorter reach runs whose particles the program displaces itself.
     """
     result = []
     for run in runs:
         result.append(run)
+        courant = float(derive(run.case, build(run.case, support_radius(run.case))).choices["courant"])
         for times in TIMES:
-            case = run.case.replace({"start.noise": run.case.start.noise + times * DISTURBANCE})
+            changes = {"start.noise": run.case.start.noise + times * DISTURBANCE}
+            changes["numerics.courant"] = courant * (1.0 - times * DISTURBANCE)
+            case = run.case.replace(changes)
             name = _variant(run.run.name, times)
             result.append(replace(run, run=run.run.model_copy(update={"name": name}), case=case))
     return result
@@ -209,7 +216,8 @@ def record(table: Table, runs: Sequence[Planned], path: Path, whole: bool = Fals
     """
     entries = {(entry["case"], entry["run"]): entry for entry in table.runs}
     nothing: dict[str, Any] = {"runs": {}}
-    wanted = [key_of(run.case_name, run.run.name) for run in variants(runs)]
+    names = [(run.case_name, name) for run in runs for name in (run.run.name, *(_variant(run.run.name, n) for n in TIMES))]
+    wanted = [key_of(*name) for name in names]
     faults = [verdict for verdict in judge(entries.values(), nothing, wanted) if verdict.outcome in FAILING]
     if faults:
         return faults
@@ -230,7 +238,7 @@ def record(table: Table, runs: Sequence[Planned], path: Path, whole: bool = Fals
     keys = ("level", "device", "device_name", "processor", "threads", "versions")
     head = {**made, "command": RECORD, **{key: table.about.get(key) for key in keys}}
     head["noise"] = (
-        f"{NOISE_FACTOR:g} times the largest change of an error in runs whose start.noise is greater by "
+        f"{NOISE_FACTOR:g} times the largest change of an error in runs with more start.noise and shorter steps by "
         f"{', '.join(f'{times * DISTURBANCE:g}' for times in TIMES)}"
     )
     write_text(path, json_text({**head, "runs": dict(sorted({**kept, **found}.items()))}))
