@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import statistics
 import sys
 import time
@@ -58,10 +59,15 @@ def parsed(text: str) -> tuple[str, tuple[float, ...]]:
         raise argparse.ArgumentTypeError(f"{scene}: no scene of that name; there are {', '.join(SCENES)}")
     if not sizes and scene not in SIZES:
         raise argparse.ArgumentTypeError(f"{scene}: has no sizes of its own; write {scene}:10000,40000")
+    if not sizes:
+        return scene, SIZES[scene]
     try:
-        return scene, tuple(float(size) for size in sizes.split(",")) if sizes else SIZES[scene]
+        found = tuple(float(size) for size in sizes.split(","))
     except ValueError:
-        raise argparse.ArgumentTypeError(f"{text}: sizes are numbers of particles, as in {scene}:10000,40000") from None
+        found = ()
+    if not found or not all(1 <= size < math.inf for size in found):
+        raise argparse.ArgumentTypeError(f"{text}: sizes are numbers of particles, as in {scene}:10000,40000")
+    return scene, found
 
 
 def measure(data: dict[str, Any], lanes: int, device: str, seconds: float) -> tuple[Model, float]:
@@ -96,6 +102,8 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=0.25, help="measured time of each number")
     parser.add_argument("--json", type=Path, help="write the rows to a file")
     arguments = parser.parse_args()
+    if arguments.json and not arguments.json.absolute().parent.is_dir():
+        parser.error(f"--json {arguments.json}: there is no folder {arguments.json.parent}; make it first")
     if not arguments.device.startswith("cuda") or not wp.is_cuda_available():
         parser.error(f"--device {arguments.device}: lanes are of a GPU, and there is none of that name here")
     quiet_warp()
