@@ -163,7 +163,12 @@ def lanes_of(spec: Spec, *dtypes: Any) -> tuple[Any, ...]:
 
 def shared(kernel: Any, spec: Spec) -> Any:
     """Return a kernel of which each row has the lanes of a `Spec`, marked as such."""
-    kernel.lanes = spec.lanes
+    return with_lanes(kernel, spec.lanes)
+
+
+def with_lanes(kernel: Any, lanes: int) -> Any:
+    """Return a kernel of which each row has so many lanes, marked as such."""
+    kernel.lanes = lanes
     return kernel
 
 

@@ -21,8 +21,9 @@ from .clock import STEP, TIME
 from .crossing import make_open_side, make_outward
 from .eos import make_eos
 from .fields import BUFFER, FLUID
+from .lanes import with_lanes
 from .params import make_params, make_phase
-from .side_fit import make_between, make_fit, make_signal, make_site_at
+from .side_fit import make_between, make_fit, make_signal, make_site_at, site_lanes, sites_of
 from .spec import Spec, types, types_of
 
 LEAST_PRESSURE = -0.5  # of the stiffness, in buffers: a density for less than -1 times it does not exist
@@ -57,6 +58,7 @@ def make_arrival(spec: Spec) -> Any:
     Grid = make_grid(spec.dimension, spec.precision)
     OpenSide = make_open_side(spec.precision)
     fit, signal_at = make_fit(spec), make_signal()
+    site_of, lane_of = sites_of(spec)
     axis = spec.open_axis
 
     @wp.kernel(module="unique", enable_backward=False)
@@ -85,12 +87,15 @@ def make_arrival(spec: Spec) -> Any:
         face_velocity: wp.array(dtype=vec),
         face_stretch: wp.array(dtype=real),
     ):
-        k = wp.tid() + first
+        t = wp.tid()
+        k, lane = site_of(t) + first, lane_of(t)
         side = open_sides[site_side[k]]
+        inside = fit(site_position[k], lane, params, grid, cell_start, position, velocity, state, zone)
+        if lane > 0:
+            return
         if beginning == 0:
             # the way of its row in the drift of this step
             site_ahead[k] = site_ahead[k] - wp.float64(face_velocity[k][axis] * side.outward) * clock[STEP]
-        inside = fit(site_position[k], params, grid, cell_start, position, velocity, state, zone)
         time = clock[TIME] + clock[STEP]
         factor = signal_at(time, side.signal_begin, side.signal_count, signal_step, signals)
         wanted = site_velocity[k] * real(factor)
@@ -108,7 +113,7 @@ def make_arrival(spec: Spec) -> Any:
         face_pressure[k] = pair(real(inside.pressure), real(inside.slope) * side.outward)
         face_stretch[k] = real(inside.stretch) * side.outward
 
-    return face_arrival
+    return with_lanes(face_arrival, site_lanes(spec))
 
 
 @functools.cache

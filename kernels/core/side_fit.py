@@ -11,6 +11,7 @@ import warp as wp
 from .cells import make_cell_of, make_grid
 from .crossing import make_open_side
 from .fields import FLUID
+from .lanes import WARP, make_added, make_lanes
 from .pair import separation_of
 from .params import make_params
 from .smoothing import make_smoothing
@@ -75,9 +76,21 @@ def make_solve(size: int) -> Any:
     return solve
 
 
+def site_lanes(spec: Spec) -> int:
+    """Return how many threads work on a site: on a GPU a warp, as sites are few and look at a hundred particles each."""
+    return 1 if spec.row_list else WARP
+
+
+def sites_of(spec: Spec) -> tuple[Any, Any]:
+    """Return the `wp.func`s (site_of(t), lane_of(t)) of a thread of a kernel over sites."""
+    return make_lanes(site_lanes(spec))[:2]
+
+
 @functools.cache
 def make_fit(spec: Spec) -> Any:
-    """Return the `wp.func` fit(x, ...) of the fluid around a site: pressure, velocity, slopes along the axis, validity.
+    """Return the `wp.func` fit(x, lane, ...) of the fluid around a site: pressure, velocity, slopes across, validity.
+
+    Each of the `site_lanes` of a site looks into some of the cells, and all have the result.
 
     Least squares with the weights kernel times volume, linear across the side and quadratic along it: a linear fit would
     take the curvature of a velocity profile for a velocity, and Z times that for a pressure. Terms that the places of the
@@ -97,6 +110,8 @@ def make_fit(spec: Spec) -> Any:
     shape, _ = make_smoothing(spec.kernel, spec.precision)
     separation = separation_of(spec)
     solve = make_solve(size)
+    lanes = site_lanes(spec)
+    added_square, added_table = make_added(lanes, square), make_added(lanes, table)
     px, py, pz = ([*spec.periodic, False, False])[:3]
 
     @wp.struct
@@ -140,6 +155,7 @@ def make_fit(spec: Spec) -> Any:
     @wp.func
     def fit(
         x: vec,
+        lane: int,
         params: Params,
         grid: Grid,
         cell_start: wp.array(dtype=int),
@@ -155,9 +171,15 @@ def make_fit(spec: Spec) -> Any:
         spacings = real(1.0) / (params.inv_h * params.spacing)
         moment = square()
         right = table()  # a row for each of pressure and velocity, a column for each term
+        turn = int(0)  # the lane that looks into the next cell
         for cz in range(z0, z1):
             for cy in range(y0, y1):
                 for cx in range(x0, x1):
+                    if wp.static(lanes > 1):
+                        mine = turn == lane
+                        turn = (turn + 1) % lanes
+                        if not mine:
+                            continue
                     line = ((cz + grid.nz) % grid.nz) * grid.ny + (cy + grid.ny) % grid.ny
                     cell = line * grid.nx + (cx + grid.nx) % grid.nx
                     for j in range(cell_start[cell], cell_start[cell + 1]):
@@ -172,6 +194,8 @@ def make_fit(spec: Spec) -> Any:
                                     found[a + 1] = wp.float64(velocity[j][a])
                                 moment += weight * wp.outer(basis, basis)
                                 right += weight * wp.outer(found, basis)
+        if wp.static(lanes > 1):
+            moment, right = added_square(moment), added_table(right)
         result = Fitted()
         total = moment[0, 0]
         result.valid = 0

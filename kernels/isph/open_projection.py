@@ -16,10 +16,11 @@ from warpsph.kernels.core.cells import make_grid
 from warpsph.kernels.core.clock import STEP, TIME
 from warpsph.kernels.core.crossing import make_open_side, make_outward
 from warpsph.kernels.core.fields import BUFFER, FLUID
+from warpsph.kernels.core.lanes import with_lanes
 from warpsph.kernels.core.mirror import code_shift, make_images, make_sides
 from warpsph.kernels.core.pair import WRAPPED, list_access
 from warpsph.kernels.core.params import make_params, make_phase
-from warpsph.kernels.core.side_fit import make_between, make_fit, make_signal
+from warpsph.kernels.core.side_fit import make_between, make_fit, make_signal, site_lanes, sites_of
 from warpsph.kernels.core.smoothing import make_smoothing
 from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, types_of
 from warpsph.kernels.core.time_signals import GRAVITY_NEXT, make_forcing
@@ -115,6 +116,7 @@ def make_side_pressure(spec: Spec) -> Any:
     Grid = make_grid(spec.dimension, spec.precision)
     OpenSide = make_open_side(spec.precision)
     fit = make_fit(spec)
+    site_of, lane_of = sites_of(spec)
 
     @wp.kernel(module="unique", enable_backward=False)
     def side_pressure(
@@ -131,15 +133,18 @@ def make_side_pressure(spec: Spec) -> Any:
         zone: wp.array(dtype=wp.int8),
         face_pressure: wp.array(dtype=pair),
     ):
-        k = wp.tid() + first
+        t = wp.tid()
+        k, lane = site_of(t) + first, lane_of(t)
         side = open_sides[site_side[k]]
-        inside = fit(site_position[k], params, grid, cell_start, position, velocity, state, zone)
+        inside = fit(site_position[k], lane, params, grid, cell_start, position, velocity, state, zone)
+        if lane > 0:
+            return
         p = inside.pressure
         if side.gives_velocity == 0:
             p = wp.float64(face_pressure[k][0])
         face_pressure[k] = pair(real(p), real(inside.slope) * side.outward)
 
-    return side_pressure
+    return with_lanes(side_pressure, site_lanes(spec))
 
 
 @functools.cache
@@ -154,6 +159,7 @@ def make_side_velocity(spec: Spec) -> Any:
     Grid = make_grid(spec.dimension, spec.precision)
     OpenSide = make_open_side(spec.precision)
     fit = make_fit(spec)
+    site_of, lane_of = sites_of(spec)
     axis = spec.open_axis
 
     @wp.kernel(module="unique", enable_backward=False)
@@ -175,14 +181,20 @@ def make_side_velocity(spec: Spec) -> Any:
         face_before: wp.array(dtype=vec),
         face_stretch: wp.array(dtype=real),
     ):
-        k = wp.tid() + first
+        t = wp.tid()
+        k, lane = site_of(t) + first, lane_of(t)
         side = open_sides[site_side[k]]
+        if side.gives_velocity == 1 and beginning == 0:
+            if lane == 0:
+                face_stretch[k] = real(0.0)
+                face_before[k] = face_velocity[k]
+                face_velocity[k] = given_velocity[k]
+            return
+        inside = fit(site_position[k], lane, params, grid, cell_start, position, velocity, state, zone)
+        if lane > 0:
+            return
         face_stretch[k] = real(0.0)
         face_before[k] = face_velocity[k]
-        if side.gives_velocity == 1 and beginning == 0:
-            face_velocity[k] = given_velocity[k]
-            return
-        inside = fit(site_position[k], params, grid, cell_start, position, velocity, state, zone)
         v = inside.velocity
         if side.gives_velocity == 0:
             if v[axis] * side.outward > real(0.0):
@@ -195,7 +207,7 @@ def make_side_velocity(spec: Spec) -> Any:
         if beginning == 1:
             face_before[k] = v
 
-    return side_velocity
+    return with_lanes(side_velocity, site_lanes(spec))
 
 
 @functools.cache

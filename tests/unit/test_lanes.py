@@ -11,8 +11,10 @@ import warpsph
 from warpsph.engine.launch import Bindings, Launcher
 from warpsph.engine.program import Stage, walk
 from warpsph.kernels.core.lanes import lanes_for, make_added, make_lanes, make_largest, shared, threads_of
+from warpsph.kernels.core.open_flow import make_arrival
 from warpsph.kernels.core.pair import make_entry
 from warpsph.kernels.core.spec import Spec
+from warpsph.kernels.isph.open_projection import make_side_pressure
 from warpsph.running.model import Model
 
 COUNTS = [0, 1, 3, 5, 0, 2, 9]  # neighbours of seven particles
@@ -32,7 +34,17 @@ SCENES = {
     "delta-plus, free surface": ("dam_break", ["particle_spacing=0.01", "numerics.scheme=delta_plus"]),
     "gas": ("sedov", ["particle_spacing=0.04"]),
     "gas between walls": ("kelvin_helmholtz_gas", ["particle_spacing=1/32"]),
+    "inlet and outlet": ("open_channel", []),
+    "inlet and outlet, ISPH": ("open_channel", ["numerics.scheme=isph", "domain.boundary.x.upper={outlet: {}}"]),
 }
+OPEN_3D = (
+    "open_channel",
+    [
+        "dimension=3", "particle_spacing=0.1", "domain.lower=[0, 0, 0]", "domain.upper=[1.5, 1, 0.8]",
+        "domain.boundary.z=periodic",
+    ],
+)  # fmt: skip
+SITES = {"open_arrival", "side_velocity", "side_pressure"}  # stages over sites of inlets and outlets, a warp each
 EXPECTED = {  # the stages with lanes of a step, of those that the scenes before it do not have
     "two fluids": {"continuity", "momentum", "wall_state", *INTERFACES},
     "unlike viscosities": {"interface_gradient"},
@@ -41,6 +53,8 @@ EXPECTED = {  # the stages with lanes of a step, of those that the scenes before
     "free surface": {"continuity", "momentum", "surface_room"},
     "delta-plus": {"continuity", "momentum"},
     "gas": {"density", "gradient", "forces"},
+    "inlet and outlet": {"open_arrival"},
+    "inlet and outlet, ISPH": {"side_velocity", "side_pressure"},
 }
 
 
@@ -174,14 +188,37 @@ def stages_of(model: Model, lanes: int) -> dict[str, Stage]:
 def test_sweeps_are_compiled_with_lanes(scene, tmp_path):
     """For a GPU, which is not needed for that: each sweep exchanges numbers where it says that it has lanes."""
     model = Model(quiet(*SCENES[scene]), threads=1)
-    assert all(threads_of(stage.kernel) == 1 for stage in stages_of(model, 1).values())
-    swept = {name: stage.kernel for name, stage in stages_of(model, 8).items() if threads_of(stage.kernel) == 8}
+    assert all(threads_of(stage.kernel) == (32 if name in SITES else 1) for name, stage in stages_of(model, 1).items())
+    swept = {name: stage.kernel for name, stage in stages_of(model, 8).items() if threads_of(stage.kernel) > 1}
     assert EXPECTED[scene] <= set(swept)
+    assert all(threads_of(kernel) == (32 if name in SITES else 8) for name, kernel in swept.items())
     for name in EXPECTED[scene]:
         folder = tmp_path / name
         wp.compile_aot_module(swept[name].module, device=None, arch=80, module_dir=folder, use_ptx=True, strip_hash=True)
         (code,) = folder.glob("*.ptx")
         assert "shfl.sync" in code.read_text(), name
+
+
+@pytest.mark.cuda
+@pytest.mark.parametrize("scene", ["inlet and outlet", "inlet and outlet, ISPH", "inlet and outlet, 3-D"])
+def test_sites_see_the_same_with_a_thread_and_with_a_warp(scene, device):
+    """The fit at inlets and outlets, of uneven particles, by one thread a site and by 32: all sums agree to rounding."""
+    model = Model(quiet(*SCENES.get(scene, OPEN_3D)), device=device)
+    model.stepper.prepare(fresh=True)
+    model.stepper.run(1.0e9, 20)
+    level = model.stepper.levels[0]
+    make, fields = make_arrival, ["site_arrival", "face_pressure", "face_velocity", "face_stretch"]
+    if scene.endswith("ISPH"):
+        make, fields = make_side_pressure, ["face_pressure"]
+    rows, found = level.bindings["site_side"].shape[0], []
+    for row_list, lanes in ((True, 1), (False, 32)):
+        kernel = make(dataclasses.replace(level.spec, row_list=row_list))
+        assert threads_of(kernel) == lanes
+        level.launcher.task("sites", kernel, rows, level.bindings, special={"beginning": 1}).run()
+        found.append({name: level.bindings[name].numpy().view(np.float64) for name in fields})
+    for name, alone in found[0].items():
+        assert np.abs(alone).max() > 0.0 or name == "face_stretch"
+        assert np.abs(found[1][name] - alone).max() <= 1.0e-12 * max(np.abs(alone).max(), 1.0e-3), name
 
 
 @pytest.mark.cuda
