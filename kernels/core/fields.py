@@ -85,6 +85,11 @@ def followed(spec: Spec) -> bool:
     return spec.wall_sound
 
 
+def dry_walls(spec: Spec) -> bool:
+    """Runs in which walls that no fluid has come to are not there."""
+    return spec.dry_walls
+
+
 def tails(spec: Spec) -> bool:
     """Runs with bodies that have thin tails."""
     return spec.tails
@@ -218,6 +223,8 @@ FLOW: tuple[Field, ...] = (
     Field("frame_near", "int16", "fluid", False, tails, "-", "number of the frame of lines of sight nearby, -1: none"),
     Field("row_of_wall", "int32", "wall", False, bodies, "-", "present row, among the walls, of each by its number"),
     Field("surface_pressure", "real", "wall", False, bodies, "Pa", "of the fluid at the foot, for the first layer"),
+    Field("covered", "uint8", "wall", False, dry_walls, "-", "1 where another wall stands before the foot"),
+    Field("surface_wet", "real", "wall", False, dry_walls, "-", "share of a wall that is there for the fluid"),
     Field("surface_gradient", "vec", "wall", False, bodies, "Pa/m", "of the pressure there"),
     Field("surface_slope", "real", "wall", True, followed, "Pa/m", "part of it along the normal that follows slowly"),
     Field("surface_shear", "mat", "wall", False, bodies, "1/s", "velocity gradient there, [a, b] = d v_a / d x_b"),

@@ -40,6 +40,7 @@ class Spec:
         tails: some bodies have thin tails, whose two sides do not see each other, see `visibility`.
         flat_walls: all walls with a surface of their own are sides of the domain.
         own_sides: sides of the domain have their own velocity in continuity, where bodies may not (riemann, delta_plus).
+        dry_walls: walls that no fluid has come to are not there (delta_plus).
         wall_sound: beside such walls, sound would grow without the measures of `wall_fit`.
         wall_no_slip: some wall exerts viscous friction (then `viscosity` is not "none").
         viscosity: "none", "morris", "radial", "isotropic" or "paper".
@@ -112,6 +113,7 @@ class Spec:
     tails: bool = False
     flat_walls: bool = False
     own_sides: bool = False
+    dry_walls: bool = False
     wall_sound: bool = False
     wall_no_slip: bool = False
     viscosity: str = "none"

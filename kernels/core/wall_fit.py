@@ -14,7 +14,8 @@ that are not plane.
 A wall without friction has a velocity along it from the fit of the fluid alone, and a slope that makes no shear stress.
 A divergence has such a velocity too (`sliding`) where the layer on a wall that the fluid sticks to is thinner than a fit
 sees: there -S n z turns round what runs along the wall, and so the sign of its divergence (theory: delta#layers).
-Where the fluid is too thin for a fit, G = 0, and the velocity changes along the normal alone.
+Where the fluid is too thin for a fit, G = 0, and the velocity changes along the normal alone. A wall that it has not come to
+has no volume (`dry_walls`).
 
 G.n is what friction and a curved path of the fluid need, which change with the flow. In sound it is zero at a wall, but not
 in a straight line through half a wave, and what is between them feeds sound that runs to and fro between two walls. So with
@@ -28,6 +29,7 @@ from typing import Any
 import warp as wp
 
 from .clock import STEP
+from .dry_walls import make_wetted
 from .pair import list_access, separation_of
 from .params import make_params, make_phase
 from .poses import make_pose, make_velocity_at
@@ -200,6 +202,7 @@ def make_wall_fit(spec: Spec, across: bool = False, followed: bool = False, slid
     half_space = HALF_SPACE[spec.dimension]
     bent = make_bent(spec.dimension, spec.precision, across)
     own_fit, slid = make_sliding(spec.dimension, spec.precision)
+    wetted = make_wetted(spec.precision)
 
     @wp.kernel(module="unique", enable_backward=False, module_options=SWEEP_OPTIONS)
     def wall_fit(
@@ -227,6 +230,8 @@ def make_wall_fit(spec: Spec, across: bool = False, followed: bool = False, slid
         wall_area: wp.array(dtype=real),
         slip: wp.array(dtype=wp.uint8),
         surface_pressure: wp.array(dtype=real),
+        covered: wp.array(dtype=wp.uint8),
+        surface_wet: wp.array(dtype=real),
         surface_gradient: wp.array(dtype=vec),
         surface_slope: wp.array(dtype=real),
         surface_velocity: wp.array(dtype=vec),
@@ -260,6 +265,7 @@ def make_wall_fit(spec: Spec, across: bool = False, followed: bool = False, slid
         ssss = real(0.0)
         bend = vec()  # sum w (v - v_w) y^2
         bow = vec()  # sum w (v - v_w) s^2
+        nearest2 = real(1.0e30)  # square of the distance to the nearest fluid particle
         slips = bool(True)
         if wp.static(spec.wall_no_slip):
             slips = slip[w] != wp.uint8(0)
@@ -287,6 +293,7 @@ def make_wall_fit(spec: Spec, across: bool = False, followed: bool = False, slid
             shear += wp.outer(velocity[j] - own_velocity, w_j * r)
             y2 = wp.dot(r, normal) * wp.dot(r, normal)
             s2 = wp.dot(r, r) - y2
+            nearest2 = wp.min(nearest2, wp.dot(r, r))
             line_y += (w_j * y2) * r
             line_s += (w_j * s2) * r
             yyyy += w_j * y2 * y2
@@ -297,18 +304,11 @@ def make_wall_fit(spec: Spec, across: bool = False, followed: bool = False, slid
         gradient = vec()
         if weight > real(1.0e-20):
             inv_weight = real(1.0) / weight
-            p = p * inv_weight
-            mean = mean * inv_weight
-            square = square * inv_weight
-            shear = shear * inv_weight
-            flow = flow * inv_weight
-            line_y = line_y * inv_weight
-            line_s = line_s * inv_weight
-            yyyy = yyyy * inv_weight
-            yyss = yyss * inv_weight
-            ssss = ssss * inv_weight
-            bend = bend * inv_weight
-            bow = bow * inv_weight
+            p, mean, square = p * inv_weight, mean * inv_weight, square * inv_weight
+            shear, flow = shear * inv_weight, flow * inv_weight
+            line_y, line_s = line_y * inv_weight, line_s * inv_weight
+            yyyy, yyss, ssss = yyyy * inv_weight, yyss * inv_weight, ssss * inv_weight
+            bend, bow = bend * inv_weight, bow * inv_weight
             spread = square - wp.outer(mean, mean)
             even = real(half_space) * params.h * params.h
             smallest = real(THIN) * even  # of a determinant: the spread is even * THIN at least along each direction
@@ -367,6 +367,8 @@ def make_wall_fit(spec: Spec, across: bool = False, followed: bool = False, slid
             shear = mat()
             bend = vec()
         surface_pressure[w] = p
+        if wp.static(spec.dry_walls):
+            surface_wet[w] = wp.where(covered[w] != wp.uint8(0), real(1.0), wetted(nearest2, params.spacing))
         surface_gradient[w] = gradient
         surface_velocity[w] = own_velocity
         surface_shear[w] = shear
@@ -404,6 +406,7 @@ def make_wall_values(spec: Spec, sliding: bool = False) -> Any:
         boundary_volume: wp.array(dtype=real),
         slip: wp.array(dtype=wp.uint8),
         surface_pressure: wp.array(dtype=real),
+        surface_wet: wp.array(dtype=real),
         surface_gradient: wp.array(dtype=vec),
         surface_velocity: wp.array(dtype=vec),
         surface_shear: wp.array(dtype=mat),
@@ -419,7 +422,10 @@ def make_wall_values(spec: Spec, sliding: bool = False) -> Any:
         p = surface_pressure[lead] + wp.dot(surface_gradient[lead], way)
         if wp.static(spec.free_surface):
             p = wp.max(p, real(0.0))  # a wall does not pull on a fluid that may leave it
-        state[i] = pair(p, boundary_volume[w])
+        volume = boundary_volume[w]
+        if wp.static(spec.dry_walls):
+            volume = volume * surface_wet[lead]
+        state[i] = pair(p, volume)
         mirror = surface_velocity[lead] + surface_shear[lead] * way
         if wp.static(sliding):
             mirror += surface_bend[lead] * (wall_depth[w] * wall_depth[w])

@@ -10,6 +10,7 @@ from typing import Any
 import warp as wp
 
 from warpsph.kernels.core.clock import EXCESS_PRESSURE, STEP
+from warpsph.kernels.core.dry_walls import make_seen
 from warpsph.kernels.core.eos import make_eos
 from warpsph.kernels.core.pair import WRAPPED, list_access, separation_of
 from warpsph.kernels.core.params import make_params, make_phase
@@ -31,7 +32,7 @@ def make_budget_density(spec: Spec) -> Any:
     Params = make_params(spec.dimension, spec.precision)
     Phase = make_phase(spec.precision)
     _, slope = make_smoothing(spec.kernel, spec.precision)
-    separation = separation_of(spec)
+    separation, seen = separation_of(spec), make_seen(spec)
     list_begin, list_step, neighbour, Listed = list_access(spec)
     eos = make_eos(spec.precision)
     driving_force = make_driving_force(spec)
@@ -58,12 +59,12 @@ def make_budget_density(spec: Spec) -> Any:
         velocity: wp.array(dtype=vec),
         state: wp.array(dtype=pair),
         rest_volume: wp.array(dtype=real),
-        boundary_volume: wp.array(dtype=real),
         mirror_velocity: wp.array(dtype=vec),
         slip: wp.array(dtype=wp.uint8),
         wall_sides: wp.array(dtype=wp.uint8),
         wall_normal: wp.array(dtype=vec),
         wall_depth: wp.array(dtype=real),
+        boundary_volume: wp.array(dtype=real),
         pressure_gradient: wp.array(dtype=vec),
         shift: wp.array(dtype=vec),
         density_excess: wp.array(dtype=real),
@@ -124,7 +125,8 @@ def make_budget_density(spec: Spec) -> Any:
                 f = slope(wp.length(d) * params.inv_h)
                 if wp.static(spec.bodies):
                     w = j - fluid_count
-                    fd = (f * boundary_volume[w]) * d
+                    volume = seen(d, state[j][1], boundary_volume[w], wall_normal[w], wall_depth[w], params.spacing)
+                    fd = (f * volume) * d
                     dv = vi - velocity[j]
                     slides = bool(True)
                     if wp.static(continued):

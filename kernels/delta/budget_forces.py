@@ -8,6 +8,7 @@ from typing import Any
 
 import warp as wp
 
+from warpsph.kernels.core.dry_walls import make_seen
 from warpsph.kernels.core.pair import WRAPPED, list_access, separation_of
 from warpsph.kernels.core.params import make_params, make_phase
 from warpsph.kernels.core.smoothing import make_smoothing
@@ -25,7 +26,7 @@ def make_budget_forces(spec: Spec) -> Any:
     Params = make_params(spec.dimension, spec.precision)
     Phase = make_phase(spec.precision)
     _, slope = make_smoothing(spec.kernel, spec.precision)
-    separation = separation_of(spec)
+    separation, seen = separation_of(spec), make_seen(spec)
     list_begin, list_step, neighbour, Listed = list_access(spec)
     driving_force = make_driving_force(spec)
     _, body_force_of = make_forcing(spec)
@@ -54,6 +55,9 @@ def make_budget_forces(spec: Spec) -> Any:
         rest_volume: wp.array(dtype=real),
         mirror_velocity: wp.array(dtype=vec),
         slip: wp.array(dtype=wp.uint8),
+        wall_depth: wp.array(dtype=real),
+        wall_normal: wp.array(dtype=vec),
+        boundary_volume: wp.array(dtype=real),
         pressure_sign: wp.array(dtype=wp.int8),
         acceleration: wp.array(dtype=vec),
         budget_pressure: wp.array(dtype=vec),
@@ -107,6 +111,9 @@ def make_budget_forces(spec: Spec) -> Any:
                 d = separation(xi, position[j], wrapped, params)
                 r2 = wp.dot(d, d)
                 state_j = state[j]
+                if wp.static(spec.dry_walls):
+                    w = j - fluid_count
+                    state_j[1] = seen(d, state_j[1], boundary_volume[w], wall_normal[w], wall_depth[w], params.spacing)
                 q = wp.sqrt(r2) * params.inv_h
                 f, rub = slope(q) * state_j[1], own.viscosity * (friction_slope(q) * state_j[1])
                 at_walls += (state_j[0] * f) * d

@@ -25,6 +25,7 @@ from typing import Any
 import warp as wp
 
 from warpsph.kernels.core.clock import STEP
+from warpsph.kernels.core.dry_walls import make_seen
 from warpsph.kernels.core.eigenvalue import WHOLE
 from warpsph.kernels.core.fields import FLUID
 from warpsph.kernels.core.lanes import lanes_of, shared
@@ -63,6 +64,7 @@ def make_delta_continuity(spec: Spec, flow_part: bool = True, slow_part: bool = 
     carries = spec.shift_form == "consistent" and slow_part
     diffuses = spec.density_diffusion and slow_part
     exact, roomy = spec.exact_divergence and flow_part, spec.room and flow_part
+    seen = make_seen(spec)
     continued, slides_at = continues_flow(spec), make_slides(spec.own_sides)
     particle_of, lane_of, part_of = lanes_of(spec)
     with_cells, sparse = make_cell_rate(spec), SPARSE * spec.dimension
@@ -152,7 +154,8 @@ def make_delta_continuity(spec: Spec, flow_part: bool = True, slow_part: bool = 
                     room += inside * inside * volume
                 if wp.static(spec.bodies):
                     w = j - fluid_count
-                    fd = (f * boundary_volume[w]) * d
+                    volume = seen(d, state[j][1], boundary_volume[w], wall_normal[w], wall_depth[w], params.spacing)
+                    fd = (f * volume) * d
                     dv = vi - at_vec(velocity, j)
                     slides = bool(True)
                     if wp.static(continued):

@@ -12,6 +12,7 @@ from typing import Any
 
 import warp as wp
 
+from warpsph.kernels.core.dry_walls import make_seen
 from warpsph.kernels.core.fields import FLUID
 from warpsph.kernels.core.pair import list_access, separation_of
 from warpsph.kernels.core.params import make_params, make_phase
@@ -32,7 +33,7 @@ def make_delta_load(spec: Spec) -> Any:
     Pose = make_pose()
     velocity_at = make_velocity_at(spec)
     couple_of = make_couple(spec.dimension, spec.precision)
-    separation = separation_of(spec)
+    separation, seen = separation_of(spec), make_seen(spec)
     list_begin, list_step, neighbour, Listed = list_access(spec)
     viscous = spec.viscosity != "none"
     turns = spec.moving and spec.wall_no_slip and spec.viscosity == "morris"
@@ -58,6 +59,7 @@ def make_delta_load(spec: Spec) -> Any:
         wall_body: wp.array(dtype=int),
         wall_depth: wp.array(dtype=real),
         wall_normal: wp.array(dtype=vec),
+        boundary_volume: wp.array(dtype=real),
         pressure_sign: wp.array(dtype=wp.int8),
         slip: wp.array(dtype=wp.uint8),
         load: wp.array(dtype=vec),
@@ -90,8 +92,11 @@ def make_delta_load(spec: Spec) -> Any:
             r2 = wp.dot(d, d)
             p_j = state[j][0]
             q = wp.sqrt(r2) * params.inv_h
-            f = slope(q) * state[j][1] * state[i][1] * params.g_norm
-            rub = phases[0].viscosity * (friction_slope(q) * state[j][1] * state[i][1] * params.g_norm)
+            volume = state[i][1]
+            if wp.static(spec.dry_walls):
+                volume = seen(d, volume, boundary_volume[w], wall_normal[w], wall_depth[w], params.spacing)
+            f = slope(q) * state[j][1] * volume * params.g_norm
+            rub = phases[0].viscosity * (friction_slope(q) * state[j][1] * volume * params.g_norm)
             if wp.static(spec.tension_control):
                 p_j = p_j * real(pressure_sign[j])
             push = ((p_w + p_j) * f) * d

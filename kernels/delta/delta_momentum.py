@@ -17,6 +17,7 @@ import warp as wp
 
 from warpsph.kernels.core.buffer_gradient import LEAST_EIGENVALUE
 from warpsph.kernels.core.clock import MAXIMA, SPEED, STEP
+from warpsph.kernels.core.dry_walls import make_seen
 from warpsph.kernels.core.eigenvalue import WHOLE, make_least_eigenvalue
 from warpsph.kernels.core.fields import FLUID
 from warpsph.kernels.core.lanes import lanes_of, shared
@@ -47,7 +48,7 @@ def make_delta_momentum(spec: Spec, measuring: bool = True) -> Any:
     viscous_term = make_viscosity(spec.viscosity if viscous else "radial", spec.dimension, spec.precision)
     friction_slope = make_friction_slope(spec.viscosity, spec.kernel, spec.dimension, spec.precision)
     limit_shift, crowding = make_limit_shift(spec), make_crowding(spec.precision)
-    braked, held, ahead = make_contact_of(spec)
+    (braked, held, ahead), seen = make_contact_of(spec), make_seen(spec)
     particle_of, lane_of, part_of = lanes_of(spec)
     no_planes, noted = make_planes(spec.dimension, spec.precision)
     diffuses, shifts = spec.density_diffusion and measuring, spec.shifting and measuring
@@ -79,6 +80,7 @@ def make_delta_momentum(spec: Spec, measuring: bool = True) -> Any:
         slip: wp.array(dtype=wp.uint8),
         wall_depth: wp.array(dtype=real),
         wall_normal: wp.array(dtype=vec),
+        boundary_volume: wp.array(dtype=real),
         wall_body: wp.array(dtype=int),
         side_walls: int,
         wholeness_old: wp.array(dtype=real),
@@ -134,6 +136,9 @@ def make_delta_momentum(spec: Spec, measuring: bool = True) -> Any:
                 r2 = wp.dot(d, d)
                 q = wp.sqrt(r2) * params.inv_h
                 state_j = at_pair(state, j)
+                if wp.static(spec.dry_walls):
+                    w = j - fluid_count
+                    state_j[1] = seen(d, state_j[1], boundary_volume[w], wall_normal[w], wall_depth[w], params.spacing)
                 f = slope(q) * state_j[1]
                 fd = f * d
                 pressures += state_j[0] * fd

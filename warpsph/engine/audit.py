@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 LIST_WRITES = frozenset(
     {"anchor", "offset", "position", "fluid_neighbours", "wall_neighbours", "flags", "band_mark", "band_sum", "band",
      "fraction", "normal", "interface_weight", "curvature",
-     "share"}
+     "share", "covered"}
 )  # fmt: skip
 
 

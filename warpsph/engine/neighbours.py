@@ -18,7 +18,7 @@ from warpsph.engine import free_memory
 from warpsph.engine.launch import Bindings, Launcher, Task
 from warpsph.engine.population import Population
 from warpsph.errors import CapacityError
-from warpsph.kernels.core import cells, permute, slack, varying_list, visibility
+from warpsph.kernels.core import cells, dry_walls, permute, slack, varying_list, visibility
 from warpsph.kernels.core.clock import make_judge
 from warpsph.kernels.core.leaks import EVERYWHERE, make_hold_spilled, make_in_cells, make_leaks, make_sunk
 from warpsph.kernels.core.mirror import code_shift, make_sides
@@ -164,12 +164,9 @@ class NeighbourList:
             bindings.update(
                 frame_reach=real(1.5 * self.list_radius), frame_corners=wp.zeros(2, dtype=vec, device=device)
             )  # fmt: skip
-        bindings.update(slack_maxima=self.slack_maxima)
+        bindings.update(slack_maxima=self.slack_maxima, skin_length=real(skin * support))
         if spec.varying_h:
-            bindings.update(
-                cell_reach=wp.zeros(cell_count, dtype=int, device=device),
-                skin_length=real(skin * support),
-            )
+            bindings.update(cell_reach=wp.zeros(cell_count, dtype=int, device=device))
         self.check_tasks = self._make_check_tasks()
         self.width = 0
         self.neighbours: Any = None
@@ -291,6 +288,8 @@ class NeighbourList:
             tasks.append(launcher.task("list", varying_list.make_varying_list(spec), n, bindings))
         else:
             tasks.append(launcher.task("list", cells.make_list(spec), n, bindings))
+        if spec.dry_walls:
+            tasks.append(launcher.task("list", dry_walls.make_covered(spec), wall, bindings))
         if spec.tails:
             tasks += self._sight_tasks()
         if self._seeks_bodies:

@@ -111,6 +111,7 @@ def derive(case: Case, geometry: Geometry, row_list: bool) -> Physics:
         bodies=fitted,
         flat_walls=flat,
         own_sides=sticky and fitted and filled and not flat,
+        dry_walls=fitted and not filled and not paper,
         wall_sound=fitted and not rk4,  # whose walls are of the moment of each part of a step anyway
         tails=fitted and geometry.surface is not None and geometry.surface.frames.count > 0,
         wall_no_slip=sticky,

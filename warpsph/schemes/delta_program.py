@@ -181,6 +181,8 @@ def absent(spec: Spec) -> list[Absent]:
         rows.append(Absent("wall_state", "the scene has no walls"))
     if spec.walls and not spec.wall_no_slip:
         rows.append(Absent("wall friction", "no viscosity, or all walls are free-slip"))
+    if spec.walls and not spec.dry_walls:
+        rows.append(Absent("dry walls", "the fluid fills the domain, walls are cells, or the form is the printed one"))
     if spec.viscosity == "none":
         rows.append(Absent("viscous term", "the viscosity is zero"))
     if not spec.artificial_viscosity:
