@@ -41,10 +41,10 @@ def make_wetted(precision: str) -> Any:
 
 @functools.cache
 def make_seen(spec: Spec) -> Any:
-    """Return the `wp.func` seen(d, there, whole, normal, depth, spacing): volume of a wall particle for a fluid particle [m^d].
+    """Return the `wp.func` seen(d, there, whole, normal, depth, spacing): volume of a wall particle for a fluid one [m^d].
 
-    d: from the wall particle to the fluid particle [m]; there, whole: volume for the fluid that has not come to it, and of its
-    own [m^d]; normal, depth: of the surface before it.
+    d: from the wall particle to the fluid particle [m]; there: volume for what does not touch that wall [m^d]; whole: its
+    own; normal, depth: of the surface before it.
     """
     real, vec, _, _ = types_of(spec)
 
