@@ -20,7 +20,7 @@ WET = 1.0
 FADE = 0.5  # spacings beyond that in which it goes: smoothly, or fluid that lands would meet it at once
 BEFORE = 0.25  # spacings before a surface from which on a wall particle is none of its own, be it as bent as it may
 ROW = 0.5  # spacings from the surface of another wall to its first layer
-SIDE = 2  # cells to either side that are searched: at least twice the radius of a list, which is more
+SIDE = 2  # cells to either side that are searched, each half as wide as the list reaches: four spacings with h = 2 spacings
 
 
 @functools.cache
