@@ -5,7 +5,8 @@ import pytest
 import warp as wp
 
 import warpsph
-from warpsph.kernels.core.dry_walls import make_wetted
+from warpsph.kernels.core.dry_walls import make_seen, make_wetted
+from warpsph.kernels.core.spec import Spec
 from warpsph.running.model import Model
 
 SPACING = 0.05
@@ -53,6 +54,40 @@ def test_share_of_a_wall(precision):
     share = wp.zeros(len(away), dtype=precision, device="cpu")
     wp.launch(ask, dim=len(away), inputs=[wp.array((2.0 * away) ** 2, dtype=precision, device="cpu"), share], device="cpu")
     assert np.allclose(share.numpy(), [1, 1, 1, 0.5, 0.2, 0, 0, 0], atol=1e-6)
+
+
+@pytest.mark.parametrize(("dry_walls", "expected"), [(True, [1, 1, 0.5, 0.2, 0.2, 0.2]), (False, [0.2] * 6)])
+def test_what_touches_a_wall_meets_all_of_it(dry_walls, expected):
+    """Up to half a spacing from the plane of the wall, also where it is dry; from a spacing on what is there for all."""
+    seen = make_seen(Spec(dimension=2, precision="float64", dry_walls=dry_walls))
+    vec = wp.vec2d
+
+    @wp.kernel
+    def ask(clear: wp.array(dtype=wp.float64), volume: wp.array(dtype=wp.float64)):
+        i = wp.tid()
+        normal = vec(wp.float64(0.6), wp.float64(0.8))
+        along = vec(wp.float64(-2.4), wp.float64(1.8))
+        d = (clear[i] + wp.float64(3.0)) * normal + along
+        volume[i] = seen(d, wp.float64(0.2), wp.float64(1.0), normal, wp.float64(3.0), wp.float64(2.0))
+
+    clear = wp.array([-0.2, 1.0, 1.5, 1.9, 2.0, 5.0], dtype=wp.float64, device="cpu")
+    volume = wp.zeros(6, dtype=wp.float64, device="cpu")
+    wp.launch(ask, dim=6, inputs=[clear, volume], device="cpu")
+    assert np.allclose(volume.numpy(), expected, atol=1e-12)
+
+
+def test_a_dry_floor_does_not_push():
+    """A block under pressure, three spacings over a floor, has the accelerations that it has far from it."""
+    pushed = []
+    for height in (0.125, 0.525):
+        model = made(
+            fluids=box([0.8, height], [1.2, height + 0.4]), start={"pressure": "1000"}, precision="float64"
+        )
+        model.stepper.run(1.0e9, 1)
+        order = np.argsort(fluid(model, "particle_id"))
+        pushed.append(fluid(model, "acceleration")[order])
+    assert np.abs(pushed[1]).max() > 10.0
+    assert np.abs(pushed[0] - pushed[1]).max() < 1.0e-9 * np.abs(pushed[1]).max()
 
 
 def test_what_falls_meets_a_dry_floor_late():
@@ -110,5 +145,7 @@ def test_a_full_domain_and_the_printed_form_have_all_walls():
     closed = {**TANK["domain"], "boundary": {"x": "free_slip", "y": "free_slip"}}
     assert not made(fluids=box([0, 0], [2, 1.5]), domain=closed).physics.spec.dry_walls
     printed = {"scheme": "delta_plus", "formulation": "paper"}
-    assert not made(fluids=box([0, 0], [2, 1]), numerics=printed).physics.spec.dry_walls
+    disc = {"disc": {"shape": {"sphere": {"center": [1.013, 0.489], "radius": 0.2}}, "wall": "free_slip"}}
+    spec = made(fluids=box([0, 0], [2, 1]), numerics=printed, bodies=disc).physics.spec
+    assert spec.bodies and not spec.dry_walls
     assert made(fluids=box([0, 0], [2, 1])).physics.spec.dry_walls
