@@ -75,6 +75,26 @@ def make_cell_of(dimension: int, precision: str) -> Any:
 
 
 @functools.cache
+def make_window(reach: int) -> Any:
+    """Return the `wp.func` window(c, n, wraps) -> (first, end) of the cells up to `reach` beside c, of n along an axis.
+
+    Where the axis wraps, numbers may be below 0 and n or more; one that is shorter than the window is gone through once.
+    """
+
+    @wp.func
+    def window(c: int, n: int, wraps: bool):
+        low, high = c - reach, c + reach
+        if wraps:
+            if n <= wp.static(2 * reach + 1):
+                low, high = 0, n - 1
+        else:
+            low, high = wp.max(low, 0), wp.min(high, n - 1)
+        return low, high + 1
+
+    return window
+
+
+@functools.cache
 def make_keys(spec: Spec) -> Any:
     """Return the kernel that takes up the way since the last build into the anchor, wraps it and writes sort keys."""
     real, vec, _, _ = types_of(spec)

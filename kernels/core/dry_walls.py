@@ -9,7 +9,7 @@ from typing import Any
 
 import warp as wp
 
-from .cells import make_cell_of, make_grid
+from .cells import make_cell_of, make_grid, make_window
 from .pair import separation_of
 from .params import make_params
 from .spec import Spec, types, types_of
@@ -65,17 +65,8 @@ def make_covered(spec: Spec) -> Any:
     real, vec, _, _ = types_of(spec)
     Params, Grid = make_params(spec.dimension, spec.precision), make_grid(spec.dimension, spec.precision)
     cell_of, separation = make_cell_of(spec.dimension, spec.precision), separation_of(spec)
+    window = make_window(SIDE)
     px, py, pz = ([*spec.periodic, False, False])[:3]
-
-    @wp.func
-    def window(c: int, n: int, wraps: bool):
-        low, high = c - SIDE, c + SIDE
-        if wraps:
-            if n <= wp.static(2 * SIDE + 1):
-                low, high = 0, n - 1
-        else:
-            low, high = wp.max(low, 0), wp.min(high, n - 1)
-        return low, high + 1
 
     @wp.kernel(module="unique", enable_backward=False)
     def mark_covered(

@@ -8,7 +8,7 @@ from typing import Any
 
 import warp as wp
 
-from .cells import make_cell_of, make_grid
+from .cells import make_cell_of, make_grid, make_window
 from .crossing import make_open_side
 from .fields import FLUID
 from .lanes import WARP, make_added, make_lanes
@@ -109,7 +109,7 @@ def make_fit(spec: Spec) -> Any:
     cell_of = make_cell_of(d, spec.precision)
     shape, _ = make_smoothing(spec.kernel, spec.precision)
     separation = separation_of(spec)
-    solve = make_solve(size)
+    solve, window = make_solve(size), make_window(RANGE)
     lanes = site_lanes(spec)
     added_square, added_table = make_added(lanes, square), make_added(lanes, table)
     px, py, pz = ([*spec.periodic, False, False])[:3]
@@ -138,19 +138,6 @@ def make_fit(spec: Spec) -> Any:
             result[5] = a * b
         result[wp.static(size - 1)] = wp.float64(off[axis])
         return result
-
-    @wp.func
-    def window(c: int, n: int, periodic: bool):
-        low = c - RANGE
-        high = c + RANGE
-        if periodic:
-            if n <= 2 * RANGE + 1:
-                low = 0
-                high = n - 1
-        else:
-            low = wp.max(low, 0)
-            high = wp.min(high, n - 1)
-        return low, high + 1
 
     @wp.func
     def fit(
