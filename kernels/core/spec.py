@@ -84,7 +84,8 @@ class Spec:
         viscosity_by_axis: the components of implicit viscosity have matrices of their own (isph).
         density_diffusion: the density is evened out (delta_plus).
         exact_divergence: the divergence is exact for linear velocities (delta_plus).
-        tension_control: pressure below zero acts by its differences, away from free surfaces (delta_plus).
+        tension_control: pressure below zero acts by its differences (delta_plus): "inside" away from free surfaces, "gaps"
+            there where the neighbourhood has a gap alone, "" nowhere.
         artificial_viscosity: fluid particles have friction beside that of their phase (delta_plus, gas).
         budget: a gauge asks where momentum and energy come from and go (delta_plus).
         shift_form: "" for that of the scheme; "positions" or "consistent": what a shift changes (delta_plus).
@@ -150,7 +151,7 @@ class Spec:
     viscosity_by_axis: bool = False
     density_diffusion: bool = False
     exact_divergence: bool = False
-    tension_control: bool = False
+    tension_control: str = ""
     artificial_viscosity: bool = False
     budget: bool = False
     shift_form: str = ""

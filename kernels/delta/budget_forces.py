@@ -126,7 +126,7 @@ def make_budget_forces(spec: Spec) -> Any:
                         slide = vi - mirror_velocity[j - fluid_count]
                         friction += rub * viscous_term(slide, d, r2 + params.tiny, params.inv_h)
         sign = real(1.0)
-        if wp.static(spec.tension_control):
+        if wp.static(spec.tension_control != ""):
             sign = real(pressure_sign[i])
         scale = params.g_norm * state[i][1] / (own.density * rest_volume[i])
         driving = driving_force(xi, params, forcing)

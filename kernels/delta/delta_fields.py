@@ -15,7 +15,7 @@ def _runge_kutta(spec: Spec) -> bool:
 
 
 def _control(spec: Spec) -> bool:
-    return spec.tension_control
+    return bool(spec.tension_control)
 
 
 def _surface(spec: Spec) -> bool:

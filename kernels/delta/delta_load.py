@@ -97,7 +97,7 @@ def make_delta_load(spec: Spec) -> Any:
                 volume = seen(d, volume, boundary_volume[w], wall_normal[w], wall_depth[w], params.spacing)
             f = slope(q) * state[j][1] * volume * params.g_norm
             rub = phases[0].viscosity * (friction_slope(q) * state[j][1] * volume * params.g_norm)
-            if wp.static(spec.tension_control):
+            if wp.static(spec.tension_control != ""):
                 p_j = p_j * real(pressure_sign[j])
             push = ((p_w + p_j) * f) * d
             spun = vec()

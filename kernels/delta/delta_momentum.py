@@ -2,7 +2,8 @@
 
     a_i = -(1/rho_i) sum_j (p_j +- p_i) grad_i W V_j + viscosity + f
 
-with minus where p_i < 0 and no free surface is near (`tension_control`), else plus. The shift of the coming step is
+with minus where p_i < 0 and no free surface is near (`tension_control`; "gaps": and where a
+neighbour is missing, see `make_has_gap`), else plus. The shift of the coming step is
 
     dr_i = -A U dt h sum_j [1 + 0.2 (W_ij/W(dx))^4] grad_i W V_j,   |dr_i| <= min(U dt/2, dx/10)
 
@@ -30,8 +31,9 @@ from warpsph.kernels.core.time_signals import GRAVITY_NEXT, make_forcing
 from warpsph.kernels.core.viscosity import make_friction_slope, make_viscosity
 
 from .delta_contact import make_contact_of
-from .fluid_pairs import make_crowding, make_force_sums
+from .fluid_pairs import make_crowding, make_force_sums, needs_moment
 
+BESIDE = 1.0  # distance to a body, in spacings, up to which a particle is of the first row, whose neighbours are walls
 ALONE = 0.4  # least eigenvalue up to which a particle is not shifted; up to WHOLE it goes along the surface alone
 
 
@@ -52,7 +54,7 @@ def make_delta_momentum(spec: Spec, measuring: bool = True) -> Any:
     particle_of, lane_of, part_of = lanes_of(spec)
     no_planes, noted = make_planes(spec.dimension, spec.precision)
     diffuses, shifts = spec.density_diffusion and measuring, spec.shifting and measuring
-    measured = diffuses or (spec.free_surface and measuring)  # the moment is needed
+    measured, has_gap = needs_moment(spec, measuring), make_has_gap(spec)
 
     @wp.kernel(module="unique", enable_backward=False, module_options=SWEEP_OPTIONS)
     def delta_momentum(
@@ -178,9 +180,16 @@ def make_delta_momentum(spec: Spec, measuring: bool = True) -> Any:
                         rub = own.viscosity * (friction_slope(q) * state_j[1])
                         friction += rub * viscous_term(slide, d, r2 + params.tiny, params.inv_h)
         g_norm = params.g_norm
+        whole = real(1.0)
+        if wp.static(measured):
+            moment = moment * g_norm
+            whole = least_eigenvalue(moment)
         sign = real(1.0)
-        if wp.static(spec.tension_control):
-            if p_i < real(0.0) and least >= real(WHOLE):
+        if wp.static(spec.tension_control != ""):
+            torn = least >= real(WHOLE)
+            if wp.static(spec.tension_control == "gaps"):
+                torn = has_gap(even * g_norm, whole, state[i][1], body2, params)
+            if p_i < real(0.0) and torn:
                 sign = real(-1.0)
             pressure_sign[i] = wp.int8(sign)
         a = (friction - pressures - (sign * p_i) * even) * (g_norm / rho_i)
@@ -196,10 +205,6 @@ def make_delta_momentum(spec: Spec, measuring: bool = True) -> Any:
         acceleration[i] = a
         if wp.dot(a, a) > maxima[slot * MAXIMA + 1]:
             wp.atomic_max(maxima, slot * MAXIMA + 1, wp.dot(a, a))
-        whole = real(1.0)
-        if wp.static(measured):
-            moment = moment * g_norm
-            whole = least_eigenvalue(moment)
         if wp.static(spec.free_surface and measuring):
             wholeness[i] = whole
         if wp.static(diffuses):
@@ -270,3 +275,27 @@ def make_limit_shift(spec: Spec) -> Any:
         return result
 
     return limit_shift
+
+
+@functools.cache
+def make_has_gap(spec: Spec) -> Any:
+    """Return the `wp.func` has_gap(even, whole, volume, params): whether a particle lacks a neighbour (theory: delta#d2).
+
+    even: sum grad W V over all neighbours [1/m], whole: least eigenvalue of the moment, volume: of the particle [m^d],
+    body2: square of the distance to the nearest body [m^2]. A neighbour one spacing away has the part b = |grad W(dx)| V of
+    the one, b dx of the other. What is crowded has the one too, but not the other; beside the nose of an airfoil as sharp
+    as a spacing walls are missing, no neighbours.
+    """
+    real, vec, _, _ = types_of(spec)
+    Params = make_params(spec.dimension, spec.precision)
+    _, slope = make_smoothing(spec.kernel, spec.precision)
+
+    @wp.func
+    def has_gap(even: vec, whole: real, volume: real, body2: real, params: Params):
+        spacing = params.spacing
+        if body2 < real(BESIDE * BESIDE) * spacing * spacing:
+            return False
+        one = wp.abs(slope(spacing * params.inv_h)) * spacing * volume * params.g_norm
+        return wp.length(even) > one and whole < real(1.0) - one * spacing
+
+    return has_gap

@@ -152,6 +152,11 @@ def make_rate_sums(spec: Spec, flow_part: bool, slow_part: bool) -> tuple[Any, A
     return RateSums, rate_sums
 
 
+def needs_moment(spec: Spec, measuring: bool) -> bool:
+    """Return whether the momentum sweep needs the moment of the neighbourhood; `measuring`: as for `make_delta_momentum`."""
+    return spec.tension_control == "gaps" or (measuring and (spec.density_diffusion or spec.free_surface))
+
+
 @functools.cache
 def make_force_sums(spec: Spec, measuring: bool) -> tuple[Any, Any]:
     """Return the struct `ForceSums` and the `wp.func` force_sums(i, k, end, ...) -> ForceSums of the entries from k to end.
@@ -170,7 +175,7 @@ def make_force_sums(spec: Spec, measuring: bool) -> tuple[Any, Any]:
     friction_slope = make_friction_slope(spec.viscosity, spec.kernel, spec.dimension, spec.precision)
     crowding = make_crowding(spec.precision)
     diffuses, shifts = spec.density_diffusion and measuring, spec.shifting and measuring
-    measured = diffuses or (spec.free_surface and measuring)  # the moment is needed
+    measured = needs_moment(spec, measuring)
     *_, added, added_vec, added_mat = lanes_of(spec, real, vec, mat)
 
     @wp.struct

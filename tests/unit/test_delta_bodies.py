@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 
 from warpsph import Simulation
 from warpsph.case.case import Case
@@ -157,6 +158,28 @@ def test_both_integrators_start_a_channel_as_it_starts(integrator):
     assert np.abs(water.velocity[:, 0] - exact).max() < 0.03 * exact.max()
 
 
+@pytest.mark.parametrize(("control", "whole"), [("auto", True), (False, False)])
+def test_a_square_that_starts_in_a_full_tank_leaves_no_hole(control, whole):
+    """Its pressure is below zero behind its corners: without control of tension the water tears there."""
+    n, end = 8, 2.0
+    case = Case.from_dict({
+        **FULL, **QUIET, "particle_spacing": 1 / n, "end_time": end, "phases": {"w": {"density": 1.0, "viscosity": 0.01}},
+        "domain": {"lower": [0, 0], "upper": [6, 4], "boundary": {"x": "wall", "y": "wall"}},
+        "bodies": {"b": {"shape": {"box": {"lower": [1, 1.5], "upper": [2, 2.5]}},
+                         "motion": {"translation": ["where(t < 1, 0.5*t**2, t - 0.5)", 0]}}},
+        "numerics": {"scheme": "delta_plus", "tension_control": control},
+    })  # fmt: skip
+    model = Model(case, threads=1)
+    assert model.physics.choices["tension_control"] == ("gaps" if control == "auto" else False)
+    model.stepper.prepare(True)
+    model.stepper.run(end, 10**6)
+    water = model.snapshot().fluid.position
+    places = np.stack(np.meshgrid(np.arange(0.2, 5.8, 0.05), np.arange(0.2, 3.8, 0.05)), axis=-1).reshape(-1, 2)
+    outside = (np.abs(places - [1.5 + end - 0.5, 2.0]) > 0.5 + 1 / n).any(axis=1)
+    hole = cKDTree(water).query(places[outside])[0].max() * n
+    assert (hole < 1.0) == whole, hole  # in spacings: 0.71 on a lattice
+
+
 def test_rk4_does_not_know_what_depends_on_time():
     with pytest.raises(CaseError, match="numerics.integrator: rk4 -> does not know gravity"):
         Simulation(channel(integrator="rk4").replace({"body_force": ["8*sin(t)", 0]}), device="cpu", threads=1)
@@ -167,7 +190,7 @@ def test_paper_form():
     model = Model(channel(formulation="paper"), threads=1)
     choices = model.physics.choices
     assert choices["integrator"] == "rk4" and choices["shift_form"] == "positions" and choices["shifting"] == 2.0
-    assert choices["viscosity_form"] == "radial" and choices["tension_control"] and not choices["exact_divergence"]
+    assert choices["viscosity_form"] == "radial" and choices["tension_control"] is True and not choices["exact_divergence"]
 
 
 @pytest.mark.parametrize("into_wall", [False, True])

@@ -130,7 +130,7 @@ def test_exact_divergence_of_a_linear_velocity():
 
 def test_pairs_conserve_momentum_and_angular_momentum_under_pressure():
     """All pressures above zero: the plus form. Below zero, the minus form leaves a uniform pressure alone."""
-    spec = dataclasses.replace(BASE, tension_control=True)
+    spec = dataclasses.replace(BASE, tension_control="inside")
     rng = np.random.default_rng(5)
     bench, x = bench_of(spec, pressure=rng.uniform(0.5, 1.0, 196), velocity=rng.normal(size=(196, 2)))
     bench.run(stage(spec, "momentum"))
@@ -145,9 +145,37 @@ def test_pairs_conserve_momentum_and_angular_momentum_under_pressure():
     assert (bench.get("pressure_sign") == -1).all()
 
 
+@pytest.mark.parametrize("tension", [-1.0, 1.0])
+def test_tension_in_a_full_domain_does_not_pull_at_a_gap(tension):
+    """A lattice that lacks two particles: beside the gap a uniform pressure below zero does nothing, elsewhere it pulls."""
+    spec = dataclasses.replace(BASE, tension_control="gaps", periodic=(True, True))
+    x = lattice((14, 14), SPACING, 0.0, 1, centre=False)
+    lacking = np.linalg.norm(x - [0.65, 0.65], axis=1).argsort()[[0, 1]]
+    assert np.linalg.norm(np.diff(x[lacking], axis=0)) == pytest.approx(SPACING)
+    stay = np.delete(x, lacking, axis=0)
+    bench = Bench(
+        spec, stay, spacing=SPACING, ratio=2.0, fluids=(WATER,), lower=0.0, upper=1.4, width=120, volume=SPACING**2,
+        values=NUMBERS,
+    )  # fmt: skip
+    bench.put_state(pressure=tension)
+    bench.run(stage(spec, "momentum"))
+
+    def slope(d):  # of the kernel over a distance, times it
+        q = np.linalg.norm(d, axis=-1, keepdims=True) / bench.h
+        return -10 * np.clip(2 - q, 0, None) ** 3 * 7 / (64 * math.pi) / bench.h**4 * d
+
+    lost = np.linalg.norm(slope(stay[:, None] - x[lacking][None]).sum(axis=1), axis=-1)
+    gap = lost > np.linalg.norm(slope(np.array([SPACING, 0.0])))
+    assert gap.sum() == 14  # six beside them, the diagonal ones, and two rows above and below
+    expected = np.where(gap & (tension < 0), -1, 1)
+    np.testing.assert_array_equal(bench.get("pressure_sign"), expected)
+    pulled = np.linalg.norm(bench.get("acceleration"), axis=1) > 1e-9
+    np.testing.assert_array_equal(pulled, (lost > 1e-12) & (expected == 1))
+
+
 def test_tension_next_to_a_free_surface_pulls():
     """The minus form is for places that are whole: within a support of the surface pairs attract each other."""
-    spec = dataclasses.replace(BASE, tension_control=True, free_surface=True)
+    spec = dataclasses.replace(BASE, tension_control="inside", free_surface=True)
     bench, x = bench_of(spec, counts=(20, 20), pressure=-1.0)
     bench.put("wholeness", 1.0)
     bench.run(stage(spec, "state"))

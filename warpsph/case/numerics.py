@@ -14,7 +14,7 @@ from pydantic_core import CoreSchema, core_schema
 from warpsph.case.values import CaseModel, ChoiceRule, NumberRule, bad_value, suggestion
 from warpsph.schemes import registry
 
-__all__ = ["SUPPORT_RATIO", "Auto", "ByScheme", "NumericsBase", "Switch", "default_numerics"]
+__all__ = ["SUPPORT_RATIO", "Auto", "ByScheme", "NumericsBase", "Switch", "default_numerics", "one_of_switch"]
 
 SUPPORT_RATIO = {
     "wendland_c2": 2.0, "wendland_c4": 2.0, "wendland_c6": 2.0, "cubic": 2.0, "quintic": 3.0, "gaussian": 3.0,
@@ -24,13 +24,19 @@ SUPPORT_RATIO = {
 Auto = Literal["auto"]
 
 
-def _as_switch(value: Any) -> Any:
-    if value is True or value is False or (isinstance(value, str) and value == "auto"):
-        return value
-    raise bad_value("needs true, false or auto")
+def one_of_switch(*names: str) -> BeforeValidator:
+    """Return the check that a value is true, false, auto or one of `names`."""
+    words = ("auto", *names)
+
+    def check(value: Any) -> Any:
+        if value is True or value is False or (isinstance(value, str) and value in words):
+            return value
+        raise bad_value(f"needs true, false{', '.join(('', *words[:-1]))} or {words[-1]}")
+
+    return BeforeValidator(check)
 
 
-Switch = Annotated[bool | Auto, BeforeValidator(_as_switch)]
+Switch = Annotated[bool | Auto, one_of_switch()]
 """true, false or auto."""
 
 

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from warpsph.case.numerics import Auto, NumericsBase, Switch
+from warpsph.case.numerics import Auto, NumericsBase, Switch, one_of_switch
 from warpsph.case.values import ChoiceRule, NumberRule
 
 __all__ = ["DeltaNumerics"]
@@ -82,10 +82,11 @@ class DeltaNumerics(NumericsBase):
         "auto: 2 with a free surface, inlets or outlets, else 0 (paper: 0)",
         examples=["2"],
     )
-    tension_control: Switch = Field(
+    tension_control: Annotated[bool | Literal["auto", "gaps"], one_of_switch("gaps")] = Field(
         default="auto",
         description="pressure below zero acts by its differences, away from free surfaces, so that particles do not clump; "
-        "pairs then exchange no momentum. auto: true with a free surface (paper: true)",
+        "pairs then exchange no momentum. gaps: only where a neighbour is missing, so that a full domain does not tear. "
+        "auto: true with a free surface, else gaps (paper: true)",
         examples=["true"],
     )
     acoustic_damping: Annotated[float | Auto, NumberRule(least=0, most=0.5, auto=True)] = Field(

@@ -78,8 +78,8 @@ def derive(case: Case, geometry: Geometry, row_list: bool) -> Physics:
     held = choose("volume_constraint", closed and not paper, "printed form" if paper else reason)
     reason = "printed form" if paper else "held by the whole domain" if closed else "nothing else holds the volume"
     room = choose("room_rate", 0.0 if paper or closed else ROOM_RATE, reason)
-    reason = "printed form" if paper else "pairs exchange momentum" if filled else "particles under tension do not clump"
-    control = choose("tension_control", paper or not filled, reason)
+    reason = "printed form" if paper else "a full domain does not tear" if filled else "particles under tension do not clump"
+    control = choose("tension_control", "gaps" if filled and not paper else True, reason)
     reason = "printed form" if paper else "rk4 knows none" if rk4 else "sound of splashes and starts dies out"
     damping = float(choose("acoustic_damping", 0.0 if paper or rk4 else DAMPING, reason))
     if rk4 and damping > 0:
@@ -128,7 +128,7 @@ def derive(case: Case, geometry: Geometry, row_list: bool) -> Physics:
         density_diffusion=float(diffusion) > 0,
         exact_divergence=bool(exact),
         acoustic_damping=damping > 0,
-        tension_control=bool(control),
+        tension_control=control if isinstance(control, str) else "inside" if control else "",
         volume_constraint=bool(held),
         room=float(room) > 0,
         artificial_viscosity=choices["artificial"] > 0,

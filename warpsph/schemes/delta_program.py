@@ -162,9 +162,9 @@ def load(spec: Spec) -> list[Stage]:
     """Return the stages that a wall-force gauge runs: the force on each wall particle.
 
     It is that of the pairs with the fluid. Where pressure below zero acts by its differences, pairs do not exchange
-    momentum: in a domain that is full, bodies have the integral over their surface instead.
+    momentum: in a domain that is full, bodies have the integral over their surface instead, unless it is for gaps alone.
     """
-    if spec.bodies and spec.tension_control and not spec.free_surface:
+    if spec.bodies and spec.tension_control == "inside" and not spec.free_surface:
         return surface_load(spec)
     return [Stage("wall_load", make_delta_load(spec), "wall", "wall-force gauge")]
 
