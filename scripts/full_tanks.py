@@ -3,7 +3,7 @@
     python scripts/full_tanks.py [--count 20] [--first 0] [--schemes riemann isph delta_plus] [--set KEY=VALUE ...]
                                  [--processes N] [--json FILE]
 
-A closed tank of six by four body lengths (2-D, 8 to 14 spacings a length; each sixth seed 3-D, four by two by two, 8) is
+A closed tank of six by four body lengths (2-D, 8 to 14 spacings a length; each sixth seed 3-D, five by two by two, 8) is
 full of one liquid. A box, a ball or a diamond starts along it with constant acceleration and goes on, or swings; some also
 sway across it, or turn. Lengths from 1 mm to 1 m, speeds from 1 cm/s to 3 m/s, Reynolds numbers from 10 to 100 000, walls
 with and without friction.
@@ -63,7 +63,7 @@ def scene(seed: int, scheme: str, changes: list[str]) -> tuple[Case, Places, flo
     draw, plane = random.Random(f"full tank {seed}"), seed % 6 != 5
     length, speed = (math.exp(draw.uniform(math.log(a), math.log(b))) for a, b in ((1e-3, 1.0), (0.01, 3.0)))
     spacings = draw.randint(8, 14) if plane else 8
-    size = [6 * length, 4 * length] if plane else [4 * length, 2 * length, 2 * length]
+    size = [6 * length, 4 * length] if plane else [5 * length, 2 * length, 2 * length]
     center = [1.5 * length, *(0.5 * extent for extent in size[1:])]
     kind = draw.choice(("box", "ball", "diamond") if plane else ("box", "ball"))
     shapes: dict[str, Any] = {
@@ -101,7 +101,7 @@ class Body:
 
         low, high = np.zeros(case.dimension), np.array(case.domain.upper, dtype=float)
         self.surface = surface_of(case, case.bodies["body"], low - high, high + high)
-        self.places, self.pivot = places, np.array([0.25, 0.5]) * high[:2]
+        self.places, self.pivot = places, np.array([0.25, 0.5]) * high[:2]  # of the plane tanks: no other body turns
 
     def distance(self, points: np.ndarray, t: float) -> np.ndarray:
         """Distances of points (n, d) at a time, m; below 0 within the body."""

@@ -365,7 +365,7 @@ def test_a_step_of_isph_waits_for_a_body_that_sets_off():
     case["bodies"]["disc"]["motion"] = {"translation": ["0", "0.5*t"]}
     model = Model(Case.from_dict(case), threads=1)
     cap = model.physics.step_cap["walls that move"]
-    assert cap == pytest.approx(0.4 * model.physics.h / 0.5, rel=1e-6)
+    assert cap == pytest.approx(0.2 * model.physics.h / 0.5, rel=1e-6)
     model.stepper.prepare(fresh=True)
     model.stepper.run(0.2, 1000)
     assert model.steps >= 0.2 / cap

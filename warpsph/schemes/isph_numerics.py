@@ -42,7 +42,9 @@ class IsphNumerics(NumericsBase):
         examples=["0"],
     )
     courant: Annotated[float | Auto, NumberRule(above=0, most=2, auto=True)] = Field(
-        default="auto", description="time step divided by h/v. auto: 0.4 (paper: 0.2)", examples=["0.4"]
+        default="auto",
+        description="time step divided by h/v. auto: 0.4, 0.2 with bodies that move (paper: 0.2)",
+        examples=["0.4"],
     )
     skin: Annotated[float | Auto, NumberRule(least=0.001, most=1, auto=True)] = Field(
         default="auto",

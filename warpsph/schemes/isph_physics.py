@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 PRINTED_STEP = 0.2  # both limits that are printed, over h/u and over rho h^2/mu
 PRINTED_SHIFT = 0.02
 COURANT = 0.4  # time step over h / largest speed; 0.25 is no more accurate
+MOVING_COURANT = 0.2  # with bodies that move, which may come towards the fluid as fast as it towards them
 # Explicit BDF2 with an extrapolated viscous term bears a third less than forward Euler.
 EXTRAPOLATED = 2.0 / 3.0
 # Implicit viscosity: change of the velocity in a step over the largest speed. The error in time goes with its square:
@@ -187,7 +188,9 @@ def derive(case: Case, geometry: Geometry, row_list: bool) -> Physics:
     choose("surface_offset", 0.0 if paper else 0.5, "the surface is half a spacing outside of its particles")
     choose("volume_feedback", 0.0 if paper else FEEDBACK, "keeps the volume in long runs")
     choose("velocity_filter", 0.0 if paper else 1.0, "takes out the noise that shifts would feed")
-    choose("courant", PRINTED_STEP if paper else COURANT, "0.4 of a smoothing length a step")
+    meeting = bool(forcing.tracks)
+    reason = "a body and the fluid may meet" if meeting else "0.4 of a smoothing length a step"
+    choose("courant", PRINTED_STEP if paper else MOVING_COURANT if meeting else COURANT, reason)
     choose("solver", "bicgstab" if paper else "cg", "the matrix is symmetric")
     choose("preconditioner", "none" if paper else "multigrid", "its iterations do not grow with the scene")
     choose("tolerance", 1e-3 if paper else 1e-6, "below what else is wrong")
