@@ -55,7 +55,7 @@ import sensitivity_table  # noqa: E402
 
 ROOT = Path(__file__).resolve().parents[1]
 BENCHMARKS = ROOT / "benchmarks"
-SENSITIVITY = tuple(BENCHMARKS / f"sensitivity{part}.json" for part in ("", "_added", "_walls"))
+SENSITIVITY = tuple(BENCHMARKS / f"sensitivity{part}.json" for part in ("", "_added", "_walls", "_full"))
 H200 = BENCHMARKS / "validation_h200"
 LEVELS = ("quick", "seed", "fine")
 OLD = "†"
