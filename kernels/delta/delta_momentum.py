@@ -188,7 +188,7 @@ def make_delta_momentum(spec: Spec, measuring: bool = True) -> Any:
         if wp.static(spec.tension_control != ""):
             torn = least >= real(WHOLE)
             if wp.static(spec.tension_control == "gaps"):
-                torn = has_gap(even * g_norm, whole, state[i][1], body2, params)
+                torn = torn and has_gap(even * g_norm, whole, state[i][1], body2, params)
             if p_i < real(0.0) and torn:
                 sign = real(-1.0)
             pressure_sign[i] = wp.int8(sign)
@@ -279,7 +279,7 @@ def make_limit_shift(spec: Spec) -> Any:
 
 @functools.cache
 def make_has_gap(spec: Spec) -> Any:
-    """Return the `wp.func` has_gap(even, whole, volume, params): whether a particle lacks a neighbour (theory: delta#d2).
+    """Return the `wp.func` has_gap(even, whole, volume, body2, params): whether a neighbour is missing (theory: delta#d2).
 
     even: sum grad W V over all neighbours [1/m], whole: least eigenvalue of the moment, volume: of the particle [m^d],
     body2: square of the distance to the nearest body [m^2]. A neighbour one spacing away has the part b = |grad W(dx)| V of

@@ -175,3 +175,26 @@ def test_a_restart_before_and_after_that_end_goes_on_bit_by_bit(tmp_path, stop):
     rest = Simulation(case, restart=tmp_path / "parts", threads=1).run().state.fluid
     assert np.array_equal(whole.position, rest.position)
     assert np.array_equal(whole.velocity, rest.velocity)
+
+
+def test_a_body_that_moves_sends_out_sound_that_dies():
+    """A disc that goes by a twentieth of its box in a quarter of a second and stops, at Mach 0.06: what is left is sound.
+
+    It has the walls of the box to ring between, and no friction.
+    """
+    start = {"domain": SQUARE["domain"] | {"boundary": WALLED}, "end_time": 0.8, "start": {"velocity": [0, 0]}}
+    path = "0.05*(0.5 - 0.5*cos(pi*minimum(t/0.25, 1)))"
+    disc = {"disc": CYLINDER["cylinder"] | {"motion": {"translation": [path, 0]}}}
+    phases = {"water": SQUARE["phases"]["water"] | {"viscosity": 0}}
+    case = Case.from_dict(SQUARE | start | {"bodies": disc, "phases": phases})
+    swing = {}
+    for chosen in ("auto", 0):
+        simulation = Simulation(case.replace({"numerics.acoustic_relaxation": chosen, "gauges": {
+            "energy": {"type": "energy", "interval": 0.005}}}), threads=1)  # fmt: skip
+        choices = simulation.model.physics.choices
+        assert choices["acoustic_relaxation"] == (0.25 if chosen == "auto" else 0.0)
+        assert choices["relaxation_end"] is None  # to the end of the run
+        energy = simulation.run().gauge("energy")
+        swing[chosen] = np.ptp(energy["elastic"][energy["time"] > 0.6])
+    left = np.exp(-2 * 0.25 * np.pi * SOUND / (4 * LENGTH) * 0.45)  # of the energy, with the rate m omega/4
+    assert swing["auto"] < 1.2 * left * swing[0]

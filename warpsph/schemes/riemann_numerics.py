@@ -94,7 +94,8 @@ class RiemannNumerics(NumericsBase):
         default="auto",
         description="stiffness of a part of the pressure that fades, over that of the rest: damps sound of all lengths; a "
         "step is shorter by the root of 1 + this. auto: the share of the pressures that tension, velocities of the start or "
-        "walls that meet the fluid make at once, 1 without weight, 0 where it gives the pressure",
+        "walls that meet the fluid make at once, 1 without weight, 0 where it gives the pressure; 0.25 at least where "
+        "bodies move in a full domain",
         examples=["1"],
     )
     relaxation_time: Annotated[float | Auto, NumberRule(above=0, auto=True)] = Field(
@@ -105,7 +106,7 @@ class RiemannNumerics(NumericsBase):
     relaxation_end: Annotated[float | Auto | None, NumberRule(above=0, auto=True, none=True)] = Field(
         default="auto",
         description="s, time from which that part is left out and steps are as long as without it; none: never. auto: when "
-        "the sound of the start has died to 1 %, none where acoustic_relaxation is given",
+        "the sound of the start has died to 1 %, none where acoustic_relaxation is given or bodies move",
         examples=["0.5", "none"],
     )
     spared_gradient: Annotated[Literal["auto", "gravity", "acceleration"], ChoiceRule()] = Field(

@@ -67,6 +67,8 @@ CHANGE = 0.002
 # alone make the pressures at once: the sound of a start is gone, to 1 %, after the time 18.4/(pi m) L/c; a step is shorter
 # by sqrt(1 + m) until then (docs/records/sound.md).
 RELAXATION = 1.0
+# The same to the end of a run in which bodies move: what their accelerations send out dies to 1 % in 23 crossings.
+MOVING_RELAXATION = 0.25
 # Radians that a flow turns by until the sound of a tension that sets in at once has died to 1 % (theory: riemann#a1).
 QUIET = 0.25
 # Bulk viscosity over rho c h: double of it damps little more, four times as much is beyond what walls with a fit bear
@@ -170,13 +172,17 @@ def derive(case: Case, geometry: Geometry, row_list: bool = True) -> Physics:
     often = crossings(onset) * (turning_rate(case, geometry, tension, scales) if len(phases) > 1 else 0.0)
     wanted, warnings = sound_speeds(case, scales, seen, filled, [often * size for size in lengths])
     share, reason = 0.0, "not needed"
-    if corrected and not paper and not case.has_flow_through:
+    relaxes = corrected and not paper and not case.has_flow_through
+    if relaxes:
         if onset > COMPRESSION:
             share, reason = onset, "tension sets in at once: the sound of that share of the pressures dies"
         else:
             motion = motion_onset(case, geometry, tension, COMPRESSION)
             if motion > COMPRESSION:
                 share, reason = motion, "the start has velocities without their pressures: the sound of those dies"
+    sounding = relaxes and bool(forcing.tracks)
+    if sounding and RELAXATION * share < MOVING_RELAXATION:
+        share, reason = MOVING_RELAXATION / RELAXATION, "bodies that move send out sound all the time"
     calm = viscosity_is_enough(case, wanted, h)
     disorder = choose(
         "disorder_friction",
@@ -187,7 +193,7 @@ def derive(case: Case, geometry: Geometry, row_list: bool = True) -> Physics:
     frozen = math.sqrt(1.0 + relaxed)  # speed of the fastest sound over that of slow pressures
     wave = longest_wave(lengths, wanted)
     choose("relaxation_time", wave, "the longest wave dies out fastest")
-    over = dying(relaxed, wave) if relaxed > 0 and "acoustic_relaxation" in reasons else None
+    over = dying(relaxed, wave) if relaxed > 0 and "acoustic_relaxation" in reasons and not sounding else None
     choose("relaxation_end", over, "the sound of the start is gone" if over else "never")
     fitted = fitted_walls(case, geometry)
     if float(damping) > 0 and fitted and not corrected:
