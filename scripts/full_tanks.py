@@ -31,6 +31,7 @@ from scipy.spatial import cKDTree
 
 from warpsph.case.case import Case
 from warpsph.case.case_file import load_case
+from warpsph.errors import CaseError
 from warpsph.study.provenance import provenance
 
 SCHEMES = ("riemann", "isph", "delta_plus")
@@ -161,6 +162,11 @@ def main() -> int:
     options = parser.parse_args()
     if options.count < 1 or options.processes < 1:
         parser.error("--count and --processes have to be 1 or more")
+    for scheme in options.schemes:
+        try:
+            scene(options.first, scheme, options.changes)
+        except CaseError as error:
+            parser.error(f"--set in {scheme}: {error}")
     seeds = range(options.first, options.first + options.count)
     tasks = [(seed, scheme, options.changes) for seed in seeds for scheme in options.schemes]
     rows = []
