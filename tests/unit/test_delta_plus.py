@@ -184,7 +184,8 @@ def test_tension_next_to_a_free_surface_pulls(control):
     bench.run(stage(spec, "momentum"))
     inside = whole(bench, x)
     assert bench.get("wholeness")[inside].min() > 0.75 and bench.get("wholeness")[~inside].min() < 0.4
-    assert (bench.get("pressure_sign") == -1).all()  # of the surface only the next sweep knows
+    first = bench.get("pressure_sign")  # of the surface only the next sweep knows
+    assert (first == -1).all() if control == "inside" else (first == -1).any()
     bench.run(stage(spec, "state"))
     bench.put_state(pressure=-1.0)
     bench.run(stage(spec, "momentum"))
