@@ -180,6 +180,13 @@ def test_a_square_that_starts_in_a_full_tank_leaves_no_hole(control, whole):
     assert (hole < 1.0) == whole, hole  # in spacings: 0.71 on a lattice
 
 
+def test_what_control_of_tension_can_be():
+    with pytest.raises(CaseError, match="tension_control: maybe -> needs true, false, auto or gaps"):
+        channel(tension_control="maybe")
+    with pytest.raises(CaseError, match="exact_divergence: gaps -> needs true, false or auto"):
+        channel(exact_divergence="gaps")
+
+
 def test_rk4_does_not_know_what_depends_on_time():
     with pytest.raises(CaseError, match="numerics.integrator: rk4 -> does not know gravity"):
         Simulation(channel(integrator="rk4").replace({"body_force": ["8*sin(t)", 0]}), device="cpu", threads=1)

@@ -173,6 +173,21 @@ def test_tension_in_a_full_domain_does_not_pull_at_a_gap(tension):
     np.testing.assert_array_equal(pulled, (lost > 1e-12) & (expected == 1))
 
 
+def test_what_is_crowded_has_no_gap():
+    """A lattice with two particles more in a cell: sums of gradients are as large as beside a gap, moments larger."""
+    spec = dataclasses.replace(BASE, tension_control="gaps", periodic=(True, True))
+    x = lattice((14, 14), SPACING, 0.0, 1, centre=False)
+    more = np.array([[0.69, 0.7], [0.71, 0.7]])
+    bench = Bench(
+        spec, np.vstack([x, more]), spacing=SPACING, ratio=2.0, fluids=(WATER,), lower=0.0, upper=1.4, width=120,
+        volume=SPACING**2, values=NUMBERS,
+    )  # fmt: skip
+    bench.put_state(pressure=-1.0)
+    bench.run(stage(spec, "momentum"))
+    assert (bench.get("pressure_sign") == 1).all()
+    assert np.linalg.norm(bench.get("acceleration"), axis=1).max() > 1.0  # of a sum that is far from zero
+
+
 @pytest.mark.parametrize("control", ["inside", "gaps"])
 def test_tension_next_to_a_free_surface_pulls(control):
     """The minus form is for places that are whole: within a support of the surface pairs attract each other."""
