@@ -17,12 +17,10 @@ particles in.
 
 from __future__ import annotations
 
-import argparse
-import json
 import math
 import random
+import sys
 from collections.abc import Callable
-from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -32,9 +30,11 @@ from scipy.spatial import cKDTree
 from warpsph.case.case import Case
 from warpsph.case.case_file import load_case
 from warpsph.errors import CaseError
-from warpsph.study.provenance import provenance
 
-SCHEMES = ("riemann", "isph", "delta_plus")
+sys.path.insert(0, str(Path(__file__).resolve().parent))  # when imported instead of run
+
+from random_runs import options_of, parser_of, run_all  # noqa: E402
+
 SAMPLES, END = 10, 2.5  # times of a run that are judged; when it ends, in lengths of the body over its speed
 HOLE = 1.12  # spacings
 LET_IN = 0.01  # of all particles
@@ -150,41 +150,25 @@ def missed(row: dict[str, Any]) -> bool:
     return row["diverged"] is not None or row["hole"] > HOLE or row["inside"] > LET_IN * row["particles"]
 
 
+def shown(row: dict[str, Any]) -> str:
+    """Return what is printed of a run."""
+    return (
+        f"{row['seed']:6d} {row['scheme']:<10} {row['body']:<8} {row['particles']:6d} particles  "
+        f"hole {row['hole']:.2f}  fastest {row['fastest']:6.2f}  inside {row['inside']:3d}"
+    )
+
+
 def main() -> int:
     """Run the scenes, print a row each; return 1 if any is missed."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--count", type=int, default=20, help="scenes a scheme")
-    parser.add_argument("--first", type=int, default=0, help="seed of the first")
-    parser.add_argument("--schemes", nargs="+", default=list(SCHEMES), choices=SCHEMES)
+    parser = parser_of(__doc__, first=0)
     parser.add_argument("--set", action="append", default=[], dest="changes", metavar="KEY=VALUE", help="a key of all cases")
-    parser.add_argument("--processes", type=int, default=2)
-    parser.add_argument("--json", type=Path, help="file to write")
-    options = parser.parse_args()
-    if options.count < 1 or options.processes < 1:
-        parser.error("--count and --processes have to be 1 or more")
+    options = options_of(parser)
     for scheme in options.schemes:
         try:
             scene(options.first, scheme, options.changes)
         except CaseError as error:
             parser.error(f"--set in {scheme}: {error}")
-    seeds = range(options.first, options.first + options.count)
-    tasks = [(seed, scheme, options.changes) for seed in seeds for scheme in options.schemes]
-    rows = []
-    with ProcessPoolExecutor(options.processes) as pool:
-        for row in pool.map(run, tasks):
-            rows.append(row)
-            ending = "" if row["diverged"] is None else f"diverged at {row['diverged']:.4g} s"
-            print(
-                f"{row['seed']:6d} {row['scheme']:<10} {row['body']:<8} {row['particles']:6d} particles  "
-                f"hole {row['hole']:.2f}  fastest {row['fastest']:6.2f}  inside {row['inside']:3d}  "
-                f"{'MISSED ' if missed(row) else ''}{ending}",
-                flush=True,
-            )
-    if options.json:
-        options.json.write_text(json.dumps(provenance() | {"rows": rows}, indent=1) + "\n", encoding="utf-8")
-    failed = sum(map(missed, rows))
-    print(f"{len(rows)} runs, {failed} missed, {sum(row['diverged'] is not None for row in rows)} of them diverged")
-    return int(failed > 0)
+    return run_all(options, options.changes, run, missed, shown)
 
 
 if __name__ == "__main__":

@@ -16,11 +16,9 @@ Exit code 1 if a run diverged or let more than 1 % of its particles in.
 
 from __future__ import annotations
 
-import argparse
-import json
 import math
 import random
-from concurrent.futures import ProcessPoolExecutor
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -28,13 +26,15 @@ import numpy as np
 
 from warpsph.case.case import Case
 from warpsph.case.case_file import load_case
-from warpsph.study.provenance import provenance
+
+sys.path.insert(0, str(Path(__file__).resolve().parent))  # when imported instead of run
+
+from random_runs import options_of, parser_of, run_all  # noqa: E402
 
 KINDS = ("stack", "pair", "trapezoid", "triangle", "disc", "hill", "step", "arch")
 KINDS_IN_SPACE = ("stack", "pair", "pillar", "step", "ball", "bridge")
 GRAVITY = 9.81
 SAMPLES = 60
-SCHEMES = ("riemann", "isph", "delta_plus")
 LET_IN = 0.01  # of all particles
 
 
@@ -187,37 +187,21 @@ def missed(row: dict[str, Any]) -> bool:
     return row["diverged"] is not None or row["inside"] + row["below"] > LET_IN * row["particles"]
 
 
+def shown(row: dict[str, Any]) -> str:
+    """Return what is printed of a run."""
+    return (
+        f"{row['seed']:6d} {row['scheme']:<10} {row['obstacle']:<10} {row['particles']:6d} particles  inside "
+        f"{row['inside']:3d}  below {row['below']:3d}  density {row['density'][0]:+.3f} {row['density'][1]:+.3f}  "
+        f"gained {100 * row['gained']:+.2f} %"
+    )
+
+
 def main() -> int:
     """Run the scenes, print a row each; return 1 if any is missed."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--count", type=int, default=20, help="scenes a scheme")
-    parser.add_argument("--first", type=int, default=1, help="seed of the first")
-    parser.add_argument("--schemes", nargs="+", default=list(SCHEMES), choices=SCHEMES)
+    parser = parser_of(__doc__, first=1)
     parser.add_argument("--dimension", type=int, default=2, choices=(2, 3))
-    parser.add_argument("--processes", type=int, default=2)
-    parser.add_argument("--json", type=Path, help="file to write")
-    options = parser.parse_args()
-    if options.count < 1 or options.processes < 1:
-        parser.error("--count and --processes have to be 1 or more")
-    seeds = range(options.first, options.first + options.count)
-    tasks = [(seed, scheme, options.dimension) for seed in seeds for scheme in options.schemes]
-    rows = []
-    with ProcessPoolExecutor(options.processes) as pool:
-        for row in pool.map(run, tasks):
-            rows.append(row)
-            ending = "" if row["diverged"] is None else f"diverged at {row['diverged']:.4g} s"
-            print(
-                f"{row['seed']:6d} {row['scheme']:<10} {row['obstacle']:<10} {row['particles']:6d} particles  inside "
-                f"{row['inside']:3d}  below {row['below']:3d}  density {row['density'][0]:+.3f} {row['density'][1]:+.3f}  "
-                f"gained {100 * row['gained']:+.2f} %  "
-                f"{'MISSED ' if missed(row) else ''}{ending}",
-                flush=True,
-            )
-    if options.json:
-        options.json.write_text(json.dumps(provenance() | {"rows": rows}, indent=1) + "\n", encoding="utf-8")
-    failed = sum(map(missed, rows))
-    print(f"{len(rows)} runs, {failed} missed, {sum(row['diverged'] is not None for row in rows)} of them diverged")
-    return int(failed > 0)
+    options = options_of(parser)
+    return run_all(options, options.dimension, run, missed, shown)
 
 
 if __name__ == "__main__":
