@@ -25,12 +25,13 @@ def make_gas_release(spec: Spec) -> Any:
 
     It holds the state of a gas that no wave has met. One that would give it MET of its speed of sound on the way of a
     smoothing length has: held on, the particle would stand in the gas as a wall, or fly through it whatever it weighs. With
-    the star pressures of its pairs with gas that is not held, `|sum m_j max(p* - p_i, 0) (g_i + g_j) e_ij| h_i > MET c_i^2`:
-    an even stream has p* = p_i and holds for ever, and so does what expands.
+    the star pressures of its pairs, `|sum m_j max(p* - p_i, 0) (g_i + g_j) e_ij| h_i > MET c_i^2`: an even stream has
+    p* = p_i and holds for ever, and so does what expands. Neighbours that are held count too: where the start gives
+    two of them different states, they would fly through each other.
 
     Runs at the end of a step. In the next one the particle is GOING: it has density, gradients and rates, which limit the
     step after that, but they do not move it yet: a step that knows nothing of it would be too long. `gas_watch` ends that.
-    Of the three values this launch takes HELD to GOING alone and asks its neighbours for 0 alone, in whatever order it runs.
+    This launch takes HELD to GOING alone and asks no neighbour whether it is held, in whatever order it runs.
     """
     real, vec, _, pair = types_of(spec)
     Params = make_params(spec.dimension, spec.precision)
@@ -85,8 +86,6 @@ def make_gas_release(spec: Spec) -> Any:
             if wp.static(spec.mirror):
                 code = j >> image_bit
                 j = j & index_mask
-            if held[j] != wp.uint8(0):
-                continue
             way = -apart(position[i], position[j], code, wrapped, params, sides)
             r = wp.length(way)
             slope_i = inner_slope(w_norm, r, smoothing[i])

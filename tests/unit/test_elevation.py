@@ -68,6 +68,46 @@ def test_water_at_a_roof_has_the_height_of_the_roof(floor):
     assert max(found) <= 0.5
 
 
+@pytest.mark.parametrize("columns, depth", [(20, 1), (12, 10)])
+def test_fluid_across_a_periodic_side_counts(columns, depth):
+    """At the side, beside it and in the middle."""
+    length, rows = columns * SPACING, 10
+    counts = [columns, rows] if depth == 1 else [columns, depth, rows]
+    axes = "xyz"[: len(counts)]
+    case = case_of(
+        LEAN,
+        dimension=len(counts),
+        particle_spacing=SPACING,
+        domain={
+            "lower": [0] * len(counts),
+            "upper": [length, *(depth * SPACING for _ in counts[2:]), 1],
+            "boundary": dict.fromkeys(axes[:-1], "periodic") | {axes[-1]: "wall"},
+        },
+        fluids=[{"phase": "water", "shape": {"box": {"lower": [0] * len(counts), "upper": [n * SPACING for n in counts]}}}],
+        start={"velocity": [0.0] * len(counts)},
+        numerics={"kernel": "cubic", "smoothing_ratio": 1.2, "skin": 0.1},
+        gauges={
+            "surface": {
+                "type": "elevation",
+                "places": [[x, *(0.0 for _ in counts[2:])] for x in (0.0, 0.02, 0.5 * length, length)],
+                "interval": 0.1,
+            }
+        },
+    )
+    x = lattice(counts, SPACING, centre=False)
+    snapshot = SimpleNamespace(kind=np.full(len(x), FLUID), position=x, volume=np.full(len(x), SPACING ** len(counts)))
+    found = ElevationGauge("surface", case.gauges["surface"], case).row(snapshot)
+    assert found == pytest.approx([rows * SPACING] * 4, abs=0.01 * SPACING)
+
+
+def test_a_period_narrower_than_the_kernel_reaches():
+    """Eight spacings; the images next to the nearest ones count too."""
+    x = lattice([4, 10], SPACING, centre=False)
+    volume = np.full(len(x), SPACING**2)
+    found = surface_height(np.array([0.02]), x, volume, [], SPACING, periods=[(0, 4 * SPACING)])
+    assert found == pytest.approx(10 * SPACING, abs=0.01 * SPACING)
+
+
 def heights_in_a_box(rows, headroom, floor=0):
     """What the gauge reads at a wall and in the middle of a closed box, of water from the row `floor` to the row `rows`."""
     roof = (rows + headroom) * SPACING

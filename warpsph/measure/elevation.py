@@ -1,6 +1,6 @@
 """Height of a free surface above places: where the smoothed volume of the fluid falls to a half.
 
-    c(x) = sum of V W(x - x_j)  over the fluid, and over its mirror images behind walls at sides of the domain
+    c(x) = sum of V W(x - x_j)  over the fluid, and over its images behind walls at sides of the domain and across periods
 
 is 1 inside of the fluid and 1/2 on a flat surface, which on a lattice is half a spacing above the first row. W is a Wendland
 C2 kernel with h = 2 particle spacings: wide enough that the rows of a lattice do not show, and that a particle of spray does
@@ -13,6 +13,7 @@ between both and lift the surface.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -36,6 +37,7 @@ def surface_height(
     mirrors: list[tuple[int, float]],
     spacing: float,
     roof: float = math.inf,
+    periods: Sequence[tuple[int, float]] = (),
 ) -> float:
     """Height of the surface above a place, m; nan where there is no fluid.
 
@@ -44,11 +46,13 @@ def surface_height(
     mirrors: walls at sides but a roof, as (axis, coordinate in m)
     spacing: particle spacing, m
     roof: height of the wall at the upper end of the last axis, m; infinity without one
+    periods: axes but the last that are periodic, as (axis, length in m)
     """
     d, h = position.shape[1], SMOOTHING * spacing
     reach = 2.0 * h
-    near = (np.abs(position[:, : d - 1] - place) < reach).all(axis=1)
-    x, v = position[near], volume[near]
+    x, v = _across_periods(place, position, volume, periods, reach)
+    near = (np.abs(x[:, : d - 1] - place) < reach).all(axis=1)
+    x, v = x[near], v[near]
     for axis, side in mirrors:
         if axis == d - 1 or abs(place[axis] - side) < reach:
             close = np.abs(x[:, axis] - side) < 2.0 * reach
@@ -72,6 +76,20 @@ def surface_height(
     return math.nan
 
 
+def _across_periods(
+    place: np.ndarray, position: np.ndarray, volume: np.ndarray, periods: Sequence[tuple[int, float]], reach: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """The fluid where its images nearest to a place are, and the next ones of periods that are narrower than the kernel."""
+    x, v = position, volume
+    for axis, length in periods:
+        x = x.copy()
+        x[:, axis] -= length * np.round((x[:, axis] - place[axis]) / length)
+        beyond = math.ceil(max(reach / length - 0.5, 0.0))
+        shifts = [k * length * np.eye(x.shape[1])[axis] for k in range(-beyond, beyond + 1)]
+        x, v = np.concatenate([x + shift for shift in shifts]), np.tile(v, len(shifts))
+    return x, v
+
+
 class ElevationGauge(Gauge):
     """Height of the free surface above given places: a column each."""
 
@@ -86,6 +104,11 @@ class ElevationGauge(Gauge):
             for end in ("lower", "upper")
             if getattr(sides, end).kind == "wall" and (axis, end) != (self.dimension - 1, "upper")
         ]
+        self.periods = [
+            (axis, float(case.domain.upper[axis] - case.domain.lower[axis]))
+            for axis, sides in enumerate(case.sides[:-1])
+            if sides.periodic
+        ]
         covered = case.sides[-1].upper.kind == "wall"
         self.roof = float(case.domain.upper[-1]) if covered else math.inf
 
@@ -93,4 +116,6 @@ class ElevationGauge(Gauge):
         fluid = snapshot.kind == FLUID
         position, volume = snapshot.position[fluid], snapshot.volume[fluid]
         spacing = self.case.particle_spacing
-        return [surface_height(place, position, volume, self.mirrors, spacing, self.roof) for place in self.places]
+        return [
+            surface_height(place, position, volume, self.mirrors, spacing, self.roof, self.periods) for place in self.places
+        ]
