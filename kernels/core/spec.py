@@ -68,7 +68,8 @@ class Spec:
         inertia: it spares the pressure gradient that the acceleration tells, not that of gravity alone (riemann).
         acoustic_damping: compression and expansion have a viscosity of their own (riemann, delta_plus).
         disorder: disordered velocities have a friction that a smooth flow does not feel (riemann).
-        relaxation: the pressure follows a compression in two parts, one of which fades, so that sound dies (riemann).
+        relaxation: the pressure follows a compression in two parts, one of which fades, so that sound dies (riemann,
+            delta_plus).
         free_surface: an axis is open, so that wall pressure never pulls.
         scheme: name of the scheme in the registry.
         varying_force: gravity or body force depends on time, see `signals`.

@@ -10,10 +10,11 @@ from typing import Any
 
 import warp as wp
 
-from warpsph.kernels.core.clock import EXCESS_PRESSURE, LAST_STEP, MAXIMA, RUNAWAY, STEP
+from warpsph.kernels.core.clock import EXCESS_PRESSURE, LAST_STEP, MAXIMA, RELAXATION, RUNAWAY, STEP
 from warpsph.kernels.core.eos import make_eos
 from warpsph.kernels.core.fields import FLUID, NOBODY
 from warpsph.kernels.core.params import LEAST_DENSITY, make_params, make_phase
+from warpsph.kernels.core.relaxation import make_late
 from warpsph.kernels.core.sound_damping import make_damping
 from warpsph.kernels.core.spec import Spec, types_of
 
@@ -85,13 +86,14 @@ def make_delta_state(spec: Spec) -> Any:
     """Return the kernel that advances density by its rate, velocity by what the shift carries, and evaluates the state.
 
     closing: 1 at the end of a step, for all but buffers, which have what inlets and outlets give; 0 for the state of what is
-    there.
+    there, whose pressure counts as settled.
     """
     real, vec, _, pair = types_of(spec)
     Params = make_params(spec.dimension, spec.precision)
     Phase = make_phase(spec.precision)
     eos = make_eos(spec.precision)
     damping = make_damping(spec)
+    late = make_late(spec.precision)
     carries = spec.shift_form == "consistent"
 
     @wp.kernel(module="unique", enable_backward=False)
@@ -107,6 +109,7 @@ def make_delta_state(spec: Spec) -> Any:
         rest_volume: wp.array(dtype=real),
         wholeness: wp.array(dtype=real),
         density_excess: wp.array(dtype=real),
+        settled: wp.array(dtype=real),
         velocity: wp.array(dtype=vec),
         state: wp.array(dtype=pair),
         wholeness_old: wp.array(dtype=real),
@@ -126,6 +129,13 @@ def make_delta_state(spec: Spec) -> Any:
             wholeness_old[i] = wholeness[i]
         own = phases[0]
         p = eos(s, own.stiffness, own.gamma) + own.background
+        if wp.static(spec.relaxation):
+            # A shift does not carry what has settled: in the time of relaxation it is too short to be felt.
+            slow = p
+            if closing == 1:
+                slow = late(p, settled[i], real(clock[STEP]), params.relaxation_time)
+            settled[i] = slow
+            p += real(clock[RELAXATION]) * (p - slow)
         if wp.static(spec.acoustic_damping):
             p += damping(flow_rate[i], params, own)
         state[i] = pair(p, rest_volume[i] / (real(1.0) + s))

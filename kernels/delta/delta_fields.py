@@ -30,6 +30,10 @@ def _room(spec: Spec) -> bool:
     return spec.room
 
 
+def _relaxing(spec: Spec) -> bool:
+    return spec.relaxation
+
+
 def _damping(spec: Spec) -> bool:
     return spec.acoustic_damping
 
@@ -73,6 +77,7 @@ DELTA_FIELDS: tuple[Field, ...] = (
     Field("density_rate", "real", "fluid", False, always, "1/s", "of the density excess"),
     Field("room_part", "real", "fluid", False, _room, "1/s", "part of it that holds it to the room of the particles"),
     Field("flow_rate", "real", "fluid", False, _damping, "1/s", "of the density excess by the divergence of the velocity"),
+    Field("settled", "real", "fluid", True, _relaxing, "Pa", "pressure of the density, late by the time of relaxation"),
     Field("slow_rate", "real", "fluid", False, _runge_kutta, "1/s", "part of it that is taken once a step"),
     Field("pressure_gradient", "vec", "fluid", True, _diffusion, "Pa/m", "corrected gradient of the last momentum sweep"),
     Field("pressure_sign", "int8", "fluid", True, _control, "-", "-1 where the own pressure acts by differences, else 1"),

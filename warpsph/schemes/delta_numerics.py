@@ -94,6 +94,17 @@ class DeltaNumerics(NumericsBase):
         description="bulk viscosity over rho c h: damps sound, leaves other flow alone. auto: 0.25, 0 with rk4 (paper: 0)",
         examples=["0.25"],
     )
+    acoustic_relaxation: Annotated[float | Auto, NumberRule(least=0, most=4, auto=True)] = Field(
+        default="auto",
+        description="stiffness of a part of the pressure that fades, over that of the rest: damps sound of all lengths; a "
+        "step is shorter by the root of 1 + this. auto: 0.25 where bodies move in a full domain, else 0",
+        examples=["0.25"],
+    )
+    relaxation_time: Annotated[float | Auto, NumberRule(above=0, auto=True)] = Field(
+        default="auto",
+        description="s, time in which that part fades. auto: length of the fluid over pi c",
+        examples=["0.01"],
+    )
     artificial_viscosity: Annotated[float | Auto, NumberRule(least=0, most=1, auto=True)] = Field(
         default="auto",
         description="factor alpha of a friction between fluid particles, as viscosity alpha h c rho/(2 (d + 2)) less that "

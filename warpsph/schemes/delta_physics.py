@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,7 +15,7 @@ from warpsph.scene.open_faces import open_axis, open_sides
 from warpsph.scene.physics import VISCOUS_LIMIT, Physics, check_periods, flow_scales, has_room, smoothing_ratio
 from warpsph.schemes.delta_numerics import DeltaNumerics
 from warpsph.schemes.flow_through import check_filled
-from warpsph.schemes.riemann_physics import fitted_walls, sound_speeds
+from warpsph.schemes.riemann_physics import MOVING_RELAXATION, fitted_walls, longest_wave, phase_lengths, sound_speeds
 
 if TYPE_CHECKING:
     from warpsph.case.case import Case
@@ -85,6 +86,13 @@ def derive(case: Case, geometry: Geometry, row_list: bool) -> Physics:
     if rk4 and damping > 0:
         rule = "is a pressure of the last divergence, which integrator: rk4 has none of at its stages"
         raise CaseError([Problem("numerics.acoustic_damping", damping, rule, "write auto or 0, or integrator: leapfrog")])
+    sounding = closed and bool(forcing.tracks) and not paper
+    reason = "bodies that move send out sound all the time" if sounding else "not needed"
+    relaxed = float(choose("acoustic_relaxation", MOVING_RELAXATION if sounding else 0.0, reason))
+    if rk4 and relaxed > 0:
+        rule = "is a pressure that remembers the last step, which integrator: rk4 has not at its stages"
+        raise CaseError([Problem("numerics.acoustic_relaxation", relaxed, rule, "write auto or 0, or integrator: leapfrog")])
+    frozen = math.sqrt(1.0 + relaxed)  # speed of the fastest sound over that of slow pressures
     alpha = choose("artificial_viscosity", 0.0 if filled else ALPHA, "no free surface" if filled else "a free surface")
     choose("skin", case.scheme.skin, "measured optimum of sweeps and rebuilds")
     choices["kernel"] = numerics.kernel
@@ -94,6 +102,7 @@ def derive(case: Case, geometry: Geometry, row_list: bool) -> Physics:
     support = h * KERNELS[numerics.kernel].support
     scales, seen = flow_scales(case, geometry, np.zeros((1, 1)), filled)
     sound, warnings = sound_speeds(case, scales, seen, filled, [0.0])
+    choose("relaxation_time", longest_wave(phase_lengths(case, geometry), sound), "the longest wave dies out fastest")
     viscous = phase.viscosity > 0
     sticky = viscous and bool((geometry.wall_slip[geometry.kind == 1] == 0).any())
     # sides of the domain are continued as bodies are; the printed scheme has cells
@@ -128,6 +137,7 @@ def derive(case: Case, geometry: Geometry, row_list: bool) -> Physics:
         density_diffusion=float(diffusion) > 0,
         exact_divergence=bool(exact),
         acoustic_damping=damping > 0,
+        relaxation=relaxed > 0,
         tension_control=control if isinstance(control, str) else "inside" if control else "",
         volume_constraint=bool(held),
         room=float(room) > 0,
@@ -155,7 +165,7 @@ def derive(case: Case, geometry: Geometry, row_list: bool) -> Physics:
         runaway=10.0 * max(sound[0], scales["velocity"]),
         warnings=tuple(warnings),
         densities=(phase.density,),
-        acoustic=sound[0],
+        acoustic=frozen * sound[0],
     )
 
 

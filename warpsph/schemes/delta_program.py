@@ -190,6 +190,8 @@ def absent(spec: Spec) -> list[Absent]:
         rows.append(Absent("artificial viscosity", reason))
     if not spec.acoustic_damping:
         rows.append(Absent("acoustic damping", "numerics.acoustic_damping is 0"))
+    if not spec.relaxation:
+        rows.append(Absent("relaxation", "numerics.acoustic_relaxation is 0"))
     if not spec.gravity:
         rows.append(Absent("gravity", "gravity is zero"))
     if not spec.body_force:

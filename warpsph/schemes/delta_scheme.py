@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from warpsph.errors import Problem
 from warpsph.schemes.base import LOAD_ARRAYS
 from warpsph.schemes.delta_numerics import DeltaNumerics
-from warpsph.schemes.flow_through import FlowThrough, held_volume
+from warpsph.schemes.flow_through import FlowThrough, given_pressures, held_volume
 
 if TYPE_CHECKING:
     import numpy as np
@@ -57,6 +57,7 @@ class DeltaScheme(FlowThrough):
             yield Problem("numerics.integrator", "rk4", rule, "write leapfrog, or auto")
         if case.has_flow_through:
             yield from held_volume(case)
+        yield from given_pressures(case)
 
     def derive(self, case: Any, geometry: Geometry, row_list: bool) -> Physics:
         """Return the numbers of a run, see `delta_physics`."""
@@ -107,6 +108,7 @@ class DeltaScheme(FlowThrough):
         params.shifting = float(choices["shifting"])
         params.shift_cap = SHIFT_CAP / ratio
         params.damping = float(choices["acoustic_damping"])
+        params.relaxation_time = float(choices["relaxation_time"])
         if physics.spec.room:
             params.room = float(choices["room_rate"])
         shape, _ = make_smoothing(physics.spec.kernel, "float64")
@@ -123,7 +125,8 @@ class DeltaScheme(FlowThrough):
         """Set the sound that limits the step, and when the volume is looked at again."""
         from warpsph.kernels.core import clock as ck
 
-        clock[ck.SOUND] = max(physics.sound_speed)
+        clock[ck.SOUND] = physics.acoustic
+        clock[ck.RELAXATION] = float(physics.choices["acoustic_relaxation"])
         clock[ck.RARE_LIMIT] = RARE_WAY * physics.h
 
 

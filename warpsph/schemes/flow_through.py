@@ -66,6 +66,14 @@ def held_volume(case: Any) -> Iterator[Problem]:
         yield Problem("numerics.volume_constraint", True, rule, "write auto or false")
 
 
+def given_pressures(case: Any) -> Iterator[Problem]:
+    """Yield that `numerics.acoustic_relaxation` does not go with inlets and outlets, if a case has both."""
+    relaxed = case.numerics.acoustic_relaxation
+    if relaxed != "auto" and relaxed > 0 and case.has_flow_through:
+        rule = "knows no inlets and outlets, whose buffers have a pressure of their own"
+        yield Problem("numerics.acoustic_relaxation", relaxed, rule, "write auto or 0, or use numerics.acoustic_damping")
+
+
 def room_left(case: Case, filled: bool) -> Iterator[Problem]:
     """Yield that the fluid has a free surface (not `filled`), where there are inlets or outlets."""
     if case.has_flow_through and not filled:

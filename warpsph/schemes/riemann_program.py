@@ -11,6 +11,7 @@ from typing import Any
 from warpsph.engine.program import Absent, BuildList, KeepList, Node, Program, Rarely, Stage
 from warpsph.kernels.core.clock import make_advance
 from warpsph.kernels.core.poses import MIDDLE, NEXT
+from warpsph.kernels.core.relaxation import make_relaxation
 from warpsph.kernels.core.spec import Spec
 from warpsph.kernels.core.time_signals import depends_on_time
 from warpsph.kernels.riemann.body_flow import continues_flow
@@ -32,7 +33,6 @@ from warpsph.kernels.riemann.momentum import make_momentum
 from warpsph.kernels.riemann.printed_load import make_printed_load
 from warpsph.kernels.riemann.printed_sweeps import make_printed_continuity, make_printed_momentum
 from warpsph.kernels.riemann.printed_tension import make_printed_colour, make_printed_curvature, make_printed_normal
-from warpsph.kernels.riemann.relaxation import make_relaxation
 from warpsph.kernels.riemann.surface_room import make_surface_room, make_thin
 from warpsph.kernels.riemann.volume import make_volume
 from warpsph.schemes.map_stages import exponents, follow_shift, windows

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from warpsph.errors import Problem
 from warpsph.schemes.base import LOAD_ARRAYS
-from warpsph.schemes.flow_through import FlowThrough, held_volume
+from warpsph.schemes.flow_through import FlowThrough, given_pressures, held_volume
 from warpsph.schemes.printed_form import printed_form
 from warpsph.schemes.riemann_numerics import RiemannNumerics
 
@@ -44,10 +44,7 @@ class RiemannScheme(FlowThrough):
         if damping != "auto" and damping > 0 and len(case.phases) > 1:
             rule = "is for one fluid: at an interface the two sides would be compressed by different pressures"
             yield Problem("numerics.acoustic_damping", damping, rule, "write auto or 0")
-        relaxed = case.numerics.acoustic_relaxation
-        if relaxed != "auto" and relaxed > 0 and case.has_flow_through:
-            rule = "knows no inlets and outlets, whose buffers have a pressure of their own"
-            yield Problem("numerics.acoustic_relaxation", relaxed, rule, "write auto or 0, or use numerics.acoustic_damping")
+        yield from given_pressures(case)
         stages = case.numerics.viscous_stages
         if stages == 2:
             yield Problem("numerics.viscous_stages", stages, "needs 1, or 3 and more", "write 3, 1 or auto")
