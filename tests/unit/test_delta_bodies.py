@@ -118,13 +118,14 @@ def test_a_disc_that_starts_in_a_full_tank_moves_as_much_fluid_as_it_takes_room(
     """The centroid of fluid and disc stays where it is, if the layer on the disc is half a spacing thick or not.
 
     What runs along a wall turned round behind it was a source before the disc and a sink behind it: 42 % too much in
-    delta-plus-SPH, 20 % in the Riemann scheme.
+    delta-plus-SPH, 20 % in the Riemann scheme. The fluid is so stiff that sound of the start, which moves the centroid too,
+    is a hundredth of that.
     """
     radius, end = 0.16, 0.2
     case = Case.from_dict({
         **FULL, **QUIET, "particle_spacing": 0.02, "end_time": end,
         "domain": {"lower": [0, 0], "upper": [1.2, 0.8], "boundary": {"x": "wall", "y": "wall"}},
-        "phases": {"w": {"density": 1000, "viscosity": 1.0, "sound_speed": 15}},
+        "phases": {"w": {"density": 1000, "viscosity": 1.0, "sound_speed": 60}},
         "bodies": {"b": {"shape": {"sphere": {"center": [0.5, 0.4], "radius": radius}},
                          "motion": {"translation": ["0.1*(1 - cos(4*t))", 0]}}},
         "numerics": {"scheme": scheme},
