@@ -113,13 +113,13 @@ def test_a_body_with_corners_that_turns_with_its_fluid_has_no_friction(pivot):
     assert abs(found["wall_torque_z b"]) < 0.02 * 2.0 * 2.0 * area
 
 
-@pytest.mark.parametrize("scheme", ["delta_plus", "riemann"])
-def test_a_disc_that_starts_in_a_full_tank_moves_as_much_fluid_as_it_takes_room(scheme):
+@pytest.mark.parametrize("scheme, of_radius", [("delta_plus", 0.5), ("riemann", 0.25)])
+def test_a_disc_that_starts_in_a_full_tank_moves_as_much_fluid_as_it_takes_room(scheme, of_radius):
     """The centroid of fluid and disc stays where it is, if the layer on the disc is half a spacing thick or not.
 
-    What runs along a wall turned round behind it was a source before the disc and a sink behind it: 42 % too much in
-    delta-plus-SPH, 20 % in the Riemann scheme. The fluid is so stiff that sound of the start, which moves the centroid too,
-    is a hundredth of that.
+    What runs along a wall turned round behind it was a source before the disc and a sink behind it: 32 % too much in
+    delta-plus-SPH, 10 % in the Riemann scheme. The fluid is so stiff that sound of the start, which moves the centroid too,
+    is a hundredth of that. Allowed is a disc whose radius is off by a half or a quarter of a spacing of the eight it has.
     """
     radius, end = 0.16, 0.2
     case = Case.from_dict({
@@ -136,7 +136,7 @@ def test_a_disc_that_starts_in_a_full_tank_moves_as_much_fluid_as_it_takes_room(
     model.stepper.run(end, 10**6)
     moved = model.snapshot().fluid.position[:, 0].mean() - before
     room = math.pi * radius**2
-    assert moved * (1.2 * 0.8 - room) == pytest.approx(-room * 0.1 * (1 - math.cos(4 * end)), rel=0.12)
+    assert moved * (1.2 * 0.8 - room) == pytest.approx(-room * 0.1 * (1 - math.cos(4 * end)), rel=2 * of_radius / 8)
 
 
 def channel(**numerics):
