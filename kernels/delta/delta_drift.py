@@ -130,7 +130,8 @@ def make_delta_state(spec: Spec) -> Any:
         own = phases[0]
         p = eos(s, own.stiffness, own.gamma) + own.background
         if wp.static(spec.relaxation):
-            # A shift does not carry what has settled: in the time of relaxation it is too short to be felt.
+            # A shift does not carry what has settled: in the time of relaxation it is too short to be felt
+            # (docs/records/sound.md#bodies).
             slow = p
             if closing == 1:
                 slow = late(p, settled[i], real(clock[STEP]), params.relaxation_time)
