@@ -11,6 +11,7 @@ A table stands between two marks, each a line of its own, anywhere in README.md 
     two_phase, one_phase, projection, delta_plus, gas   errors of the shipped cases by resolution: phases or scheme
     misses                             every error that is beyond the limit of its case
     unrecorded                         runs of the cases of which there is no record
+    measured_at                        commit, date and device of the runs that the tables of errors show
     ci                                 the errors that the level ci is held to
     validation_h200                    every row of the records of the H200, with its value and reference
     commands_h200                      the commands of these records
@@ -125,12 +126,26 @@ class Row:
         return ("≥ " if self.least else "") + share(error, self.entry["absolute"]) + (OLD if self.old else "")
 
     @property
-    def where(self) -> str:
-        """Device, precision unless float32, commit and date."""
+    def precision(self) -> str:
+        """Nothing for float32, else the precision with a space before it."""
+        precision = self.entry.get("precision", "float32")
+        return "" if precision == "float32" else f" {precision}"
+
+    @property
+    def device(self) -> str:
+        """CPU, or the short name of a GPU."""
         record = self.record
-        precision = "" if self.entry.get("precision", "float32") == "float32" else f" {self.entry['precision']}"
-        device = "CPU" if record["device"] == "cpu" else record["device_name"].replace("NVIDIA ", "").split()[0]
-        return f"{device}{precision}, {record['date']}, {record['commit'][:7]}"
+        return "CPU" if record["device"] == "cpu" else str(record["device_name"]).replace("NVIDIA ", "").split()[0]
+
+    @property
+    def commit(self) -> str:
+        """The short hash of the commit."""
+        return str(self.record["commit"])[:7]
+
+    @property
+    def where(self) -> str:
+        """Device, precision unless float32, date and commit."""
+        return f"{self.device}{self.precision}, {self.record['date']}, {self.commit}"
 
 
 @cache
@@ -277,8 +292,7 @@ def by_resolution(wanted: Callable[[Row], bool]) -> str:
         name = quantity.replace("_", " ") + unit_of(rows[0]) if quantity else "**did not end**"
         runs, errors, limits = [], [], []
         for row in rows:
-            precision = row.entry.get("precision", "float32")
-            runs.append(row.run + ("" if precision == "float32" else f" {precision}"))
+            runs.append(row.run + row.precision)
             errors.append(f"**{row.text}**" if row.missed else row.text)
             limits.append("reported" if row.allowed is None else share(row.allowed, row.entry["absolute"]))
         missed = sum(row.missed for row in rows)
@@ -320,6 +334,35 @@ def unrecorded() -> str:
     return table(["case", "run", "level"], "lll", lines)
 
 
+def measured_at() -> str:
+    """Commit, date and device of the runs that the tables of errors show, the newest first.
+
+    Records hold the day alone: of one day the rows stand by their hashes.
+    """
+    groups: dict[tuple[str, str], list[Row]] = {}
+    for row in newest_rows():
+        groups.setdefault((commit_of(row), row.device), []).append(row)
+    lines = []
+    for (commit, device), rows in groups.items():
+        days = sorted({row.record["date"] for row in rows})
+        lines.append((days[-1], commit, device, " to ".join(dict.fromkeys((days[0], days[-1]))), runs_by_case(rows)))
+    cells = [[commit, date, device, runs] for _, commit, device, date, runs in sorted(lines, reverse=True)]
+    return table(["commit", "date", "device", "cases and their runs"], "llll", cells)
+
+
+def commit_of(row: Row) -> str:
+    """The commit of a row, and whether it is not that of the code but the one that brought the record."""
+    return row.commit + (" (of the record)" if row.record.get("commit_is") == "of the record" else "")
+
+
+def runs_by_case(rows: Iterable[Row]) -> str:
+    """Cases with their runs, each case on a line of its own in the cell."""
+    runs: dict[str, dict[str, None]] = {}
+    for row in rows:
+        runs.setdefault(row.case, {})[row.run + row.precision] = None
+    return "<br>".join(f"`{case}` {'; '.join(names)}" for case, names in runs.items())
+
+
 def ci() -> str:
     """The errors that the level ci is held to."""
     record = baseline.read_baseline(baseline.FILE)
@@ -340,7 +383,7 @@ def validation_h200() -> str:
     last = None
     for row in h200_rows():
         entry = row.entry
-        run = f"{row.run} {entry['precision']}" if entry.get("precision", "float32") != "float32" else row.run
+        run = row.run + row.precision
         first = (row.case, run) != last
         last = (row.case, run)
         allowed = "reported" if row.allowed is None else share(row.allowed, entry["absolute"])
@@ -455,6 +498,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "gas": lambda: by_resolution(lambda row: scheme_of(row) == "gas"),
     "misses": misses,
     "unrecorded": unrecorded,
+    "measured_at": measured_at,
     "ci": ci,
     "validation_h200": validation_h200,
     "commands_h200": commands_h200,

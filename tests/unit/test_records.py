@@ -1,5 +1,6 @@
 """Records: which commit made them, which are older than the numerics, and the tables of the docs."""
 
+import dataclasses
 import importlib.util
 import json
 import re
@@ -241,6 +242,48 @@ def test_errors_of_coordinates_are_told_as_shares_of_the_way_moved(tmp_path):
     row = recorded_row(tmp_path, "centroid", "other", "90 x 150", "rising_bubble", value=0.39, reference=0.4)
     assert row.entry["error"] == pytest.approx(0.01 / 0.19926, rel=1e-4)
     assert (row.allowed, row.missed, row.text) == (0.02, True, "≥ 5.02 %†")
+
+
+def test_each_run_stands_once_with_what_it_was_measured_at():
+    """The table has every run of the tables of errors, each with the commit, date and device that its rows have."""
+    head, *lines = [line.strip("| ").split(" | ") for line in write_tables.measured_at().splitlines() if "---" not in line]
+    assert head == ["commit", "date", "device", "cases and their runs"]
+    found = []
+    for commit, date, device, cases in lines:
+        for case, _, runs in (told.partition("` ") for told in cases.split("<br>")):
+            found += [(commit.partition(" ")[0], date, device, case.strip("`"), run) for run in runs.split("; ")]
+    wanted = set()
+    for row in write_tables.newest_rows():
+        device, date, commit = row.where.split(", ")
+        device, *precision = device.split(" ")
+        wanted.add((commit, date, device, row.case, " ".join([row.run, *precision])))
+    assert len(found) == len(wanted) and set(found) == wanted
+    assert len({(commit, device) for commit, _, device, _ in lines}) == len(lines)
+    dates = [date for _, date, _, _ in lines]
+    assert dates == sorted(dates, reverse=True)
+
+
+def test_runs_of_one_commit_and_device_are_one_row_the_newest_first(tmp_path, monkeypatch):
+    row = recorded_row(tmp_path, "centre_of_mass_t3")
+    gpu = {"device": "cuda:0", "device_name": "NVIDIA H200", "date": "2026-01-02"}
+
+    def changed(entry, **record):
+        return dataclasses.replace(row, entry=row.entry | entry, record=row.record | record)
+
+    rows = [
+        row,
+        changed({"quantity": "top"}),
+        changed({"run": "80"}, commit="b" * 40, date="2026-01-03", commit_is="of the record"),
+        changed({"run": "160", "precision": "float64"}),
+        changed({"case": "hysing_2"}, date="2026-01-02"),
+        changed({"run": "320"}, **gpu),
+    ]
+    monkeypatch.setattr(write_tables, "newest_rows", lambda: rows)
+    assert write_tables.measured_at().splitlines()[2:] == [
+        "| bbbbbbb (of the record) | 2026-01-03 | CPU | `hysing_1` 80 |",
+        "| aaaaaaa | 2026-01-02 | H200 | `hysing_1` 320 |",
+        "| aaaaaaa | 2026-01-01 to 2026-01-02 | CPU | `hysing_1` 40; 160 float64<br>`hysing_2` 40 |",
+    ]
 
 
 def test_a_run_that_failed_is_a_miss(tmp_path):
