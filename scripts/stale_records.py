@@ -5,11 +5,13 @@
 A record names the commit of the code that made it, or, where that was not kept ("commit_is": "of the record"), the commit
 that brought the record itself. It is stale if a later commit of this branch changed code that its numbers come from:
 
-    riemann   kernels/riemann, what else the Riemann scheme runs on
-    isph      kernels/isph, what else projection ISPH runs on
-    linear    kernels/linear, warpsph/solvers
+    riemann      kernels/riemann, what else the Riemann scheme runs on
+    isph         kernels/isph, what else projection ISPH runs on
+    delta_plus   kernels/delta, what else delta-plus-SPH runs on
+    gas          kernels/gas, what else the compressible gas runs on
+    linear       kernels/linear, warpsph/solvers
 
-and, for both schemes, kernels/core and warpsph/engine, schemes, scene. Commits that cannot have changed a number do not
+and, for all schemes, kernels/core and warpsph/engine, schemes, scene. Commits that cannot have changed a number do not
 count: those whose files are the same but for comments, docstrings, imports and names of files, and those that are listed
 with a reason in benchmarks/no_change_commits.txt, after a look at bit-identical results.
 
@@ -33,10 +35,12 @@ ROOT = Path(__file__).resolve().parents[1]
 RECORDS = ROOT / "benchmarks"
 NO_CHANGE = RECORDS / "no_change_commits.txt"
 
-TOPICS = ("riemann", "isph", "linear")
+SCHEMES = ("riemann", "isph", "delta_plus", "gas")
 FOLDERS = {  # of whole topics
     "kernels/riemann": {"riemann"},
     "kernels/isph": {"isph"},
+    "kernels/delta": {"delta_plus"},
+    "kernels/gas": {"gas"},
     "kernels/linear": {"linear"},
     "warpsph/solvers": {"linear"},
 }
@@ -44,9 +48,11 @@ COMMON = ("kernels", "warpsph/engine", "warpsph/schemes", "warpsph/scene", "warp
 # Files of one topic, wherever they stand: until the folders above were made all lay in kernels/ and warpsph/.
 FILES = {
     "riemann": "contact density drift integrate interface interface_flow load momentum star volume riemann stepper "
-    "riemann_physics riemann_program riemann_scheme",
+    "riemann_numerics riemann_physics riemann_program riemann_scheme",
     "isph": "projection diffusion surface mirror isph incompressible projection_stepper "
-    "isph_physics isph_program isph_scheme isph_systems",
+    "isph_numerics isph_physics isph_program isph_scheme isph_systems",
+    "delta_plus": "delta_numerics delta_physics delta_program delta_scheme",
+    "gas": "gas_numerics gas_physics gas_program gas_scheme",
     "linear": "krylov grid_cycle linear_solver multigrid",
 }
 OLD_COMMON = "borders geometry launch magnitudes model neighbours packing particles physics simulation"
@@ -69,7 +75,7 @@ def topics_of(path: str) -> frozenset[str]:
             return frozenset({topic})
     if flat and Path(path).stem not in OLD_COMMON.split():
         return frozenset()
-    return frozenset({"riemann", "isph"})
+    return frozenset(SCHEMES)
 
 
 def git(*arguments: str) -> str:
@@ -156,12 +162,21 @@ class Record:
 
 @cache
 def scheme_of_case(name: str) -> str:
-    """The scheme in a shipped case file, from its text: `scheme: isph` stands in few."""
+    """The scheme in a shipped case file, from its text; the default where it names none."""
     path = ROOT / "cases" / f"{name}.yaml"
-    if not path.exists():
-        return "riemann"
-    head = path.read_text(encoding="utf-8").split("\nvalidation:")[0]
-    return "isph" if "scheme: isph" in head else "riemann"
+    head = path.read_text(encoding="utf-8").split("\nvalidation:")[0] if path.exists() else ""
+    return next((scheme for scheme in SCHEMES if f"scheme: {scheme}" in head), "riemann")
+
+
+def scheme_of_run(case: str, run: str) -> str:
+    """The scheme of a run: the one that its name ends with, or that of its case."""
+    return next((scheme for scheme in SCHEMES if scheme in run.replace(" ", "_")), scheme_of_case(case))
+
+
+def case_and_run(key: str) -> tuple[str, str]:
+    """Case and run of a key CASE/RUN, or CASE-RUN as the command line has it."""
+    case, _, run = key.partition("/") if "/" in key else key.partition("-")
+    return case, run
 
 
 def topics_of_record(name: str, data: Any) -> frozenset[str]:
@@ -173,12 +188,10 @@ def topics_of_record(name: str, data: Any) -> frozenset[str]:
     rows = data.get("rows", []) if isinstance(data, dict) else []
     runs = {(row["case"], row["run"]) for row in rows if isinstance(row, dict) and "case" in row and "run" in row}
     if isinstance(data, dict) and isinstance(data.get("runs"), dict):
-        runs |= {tuple(key.split("/", 1)) for key in data["runs"]}
-    schemes = {
-        next((scheme for scheme in ("isph", "riemann") if scheme in run), scheme_of_case(case)) for case, run in runs
-    }
+        runs |= {case_and_run(key) for key in data["runs"]}
+    schemes = {scheme_of_run(case, run) for case, run in runs}
     if not schemes:
-        schemes = {"riemann"} if name.startswith(("stress", "random", "speed", "skip", "double")) else {"riemann", "isph"}
+        schemes = {"riemann"} if name.startswith(("stress", "random", "speed", "skip", "double")) else set(SCHEMES)
     return frozenset(schemes | ({"linear"} if "isph" in schemes else set()))
 
 

@@ -120,11 +120,12 @@ def test_a_record_is_stale_after_a_change_of_its_numerics(checkout, capsys):
     [
         ({"kernels/core/cells.py": SOURCE.replace("A module", "Another word").replace("import math", "")}, set()),
         ({"kernels/core/cells.py": SOURCE.replace("    return", "    # twice\n    return")}, set()),
-        ({"kernels/core/cells.py": SOURCE.replace("2 * x", "3 * x")}, {"riemann", "isph"}),
+        ({"kernels/core/cells.py": SOURCE.replace("2 * x", "3 * x")}, {"riemann", "isph", "delta_plus", "gas"}),
+        ({"kernels/delta/delta_drift.py": SOURCE, "warpsph/schemes/gas_physics.py": SOURCE}, {"delta_plus", "gas"}),
         ({"kernels/riemann/new.py": SOURCE}, {"riemann"}),
         ({"warpsph/solvers/multigrid.py": SOURCE}, {"linear"}),
         ({"warpsph/schemes/isph_physics.py": SOURCE}, {"isph"}),
-        ({"warpsph/scene/packing.py": SOURCE}, {"riemann", "isph"}),
+        ({"warpsph/scene/packing.py": SOURCE}, {"riemann", "isph", "delta_plus", "gas"}),
         ({"warpsph/momentum.py": SOURCE, "kernels/krylov.py": SOURCE}, {"riemann", "linear"}),  # before the folders
         ({"warpsph/study/plot.py": SOURCE, "tests/unit/test_a.py": SOURCE, "docs/accuracy.md": "a"}, set()),
     ],
