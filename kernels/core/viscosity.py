@@ -66,33 +66,48 @@ def make_viscous_parts(form: str, dimension: int, precision: str) -> tuple[Any, 
     return 2.0 if form == "morris" else 0.0, with_way
 
 
+# Factors a_k of the powers of r/R in the weights of "isotropic" friction, by dimension, as `scripts/friction_weights.py --fit`
+# finds them (theory: riemann#isotropic). In 1-D there is one direction.
+FRICTION_SHAPE = {
+    1: (1.0, 0.0, 0.0, 0.0, 0.0),
+    2: (1.0, -12.549, 70.594, -108.498, 50.431),
+    3: (1.0, -13.640, 67.057, -98.019, 44.107),
+}
+
+
 def friction_scale(kernel: str, dimension: int) -> float:
-    """Return K [-], so that weights -K (1 - r/R)^1.5 have the second moment of the slope w'(q)/q of a kernel."""
+    """Return K [-], so that weights -K (1 - s)^1.5 sum a_k s^k have the second moment of the slope w'(q)/q of a kernel."""
     chosen = KERNELS[kernel]
     sphere = 2 * math.pi ** (dimension / 2) / math.gamma(dimension / 2)
-    a, b = dimension + 2, 1.5 + 1
-    beta = math.gamma(a) * math.gamma(b) / math.gamma(a + b)
-    return dimension / (chosen.alpha[dimension - 1] * sphere * chosen.support**a * beta)
+    b = 1.5 + 1
+    moment = 0.0
+    for power, factor in enumerate(FRICTION_SHAPE[dimension]):
+        a = dimension + 2 + power
+        moment += factor * math.gamma(a) * math.gamma(b) / math.gamma(a + b)
+    return dimension / (chosen.alpha[dimension - 1] * sphere * chosen.support ** (dimension + 2) * moment)
 
 
 @functools.cache
 def make_friction_slope(form: str, kernel: str, dimension: int, precision: str) -> Any:
     """Return the `wp.func` friction_slope(q), the weights of pairs in the viscous sum, in the place of the slope w'(q)/q.
 
-    They are that slope but for "isotropic". Radial friction along a lattice depends on its direction by the fourth moments
-    of the weights: with those of Wendland's C2 and h = 1.5 spacings shear along rows has 0.89 of the viscosity, stretching
-    1.11. -K (1 - r/R)^1.5, R the support, has 0.98 and 1.02 (theory: riemann#isotropic).
+    They are that slope but for "isotropic". Radial friction takes the fourth moments of the weights over its neighbours for
+    their integrals: with those of Wendland's C2 and h = 1.5 spacings shear along rows of a lattice has 0.89 of the
+    viscosity, stretching 1.03, and shear of a fluid that slides row over row 0.92. -K (1 - s)^1.5 sum a_k s^k, s = r/R, R
+    the support, has each of them within 0.005 (`FRICTION_SHAPE`; theory: riemann#isotropic).
     """
     _, slope = make_smoothing(kernel, precision)
     if form != "isotropic":
         return slope
     real = types(dimension, precision).real
     scale, inverse_support = friction_scale(kernel, dimension), 1.0 / KERNELS[kernel].support
+    a0, a1, a2, a3, a4 = (-scale * factor for factor in FRICTION_SHAPE[dimension])
 
     @wp.func
     def friction_slope(q: real):
-        u = wp.max(real(1.0) - real(inverse_support) * q, real(0.0))
-        return real(-scale) * u * wp.sqrt(u)
+        s = real(inverse_support) * q
+        u = wp.max(real(1.0) - s, real(0.0))
+        return u * wp.sqrt(u) * (real(a0) + s * (real(a1) + s * (real(a2) + s * (real(a3) + s * real(a4)))))
 
     return friction_slope
 
