@@ -66,7 +66,7 @@ def make_viscous_parts(form: str, dimension: int, precision: str) -> tuple[Any, 
     return 2.0 if form == "morris" else 0.0, with_way
 
 
-# Factors a_k of the powers of r/R in the weights of "isotropic" friction, by dimension, as `scripts/friction_weights.py --fit`
+# Factors a_k of the powers of r/R in the weights of "isotropic" friction, by dimension: `scripts/friction_weights.py --fit`
 # finds them (theory: riemann#isotropic). In 1-D there is one direction.
 FRICTION_SHAPE = {
     1: (1.0, 0.0, 0.0, 0.0, 0.0),
