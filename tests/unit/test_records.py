@@ -158,7 +158,8 @@ def test_topics_of_records_follow_the_schemes_of_their_runs():
     assert topics("validation.json", {"rows": rows[1:]}) == {"isph", "linear"}
     assert topics("validation.json", {"rows": [{"case": "elliptic_drop", "run": "0.04"}]}) == {"isph", "linear"}
     assert topics("baseline_ci.json", {"runs": {"dam_break_lobovsky/20 riemann": {}}}) == {"riemann"}
-    assert topics("variants.json", {"runs": {"dam_break_lobovsky-60_delta_plus": {}, "sod-720": {}}}) == {"delta_plus", "gas"}
+    dashed = {"dam_break_lobovsky-60_delta_plus": {}, "sod-720": {}}
+    assert topics("variants.json", {"runs": dashed}) == {"delta_plus", "gas"}
     assert topics("validation.json", {"rows": [{"case": "turning_ring", "run": "50"}]}) == {"delta_plus"}
     assert topics("validation.json", {"rows": [{"case": "sod", "run": "720"}]}) == {"gas"}
 
