@@ -19,7 +19,7 @@ from warpsph.errors import CaseError
 from warpsph.files import checkpoint
 from warpsph.kernels.core import clock as ck
 from warpsph.kernels.core.mirror import FREE_SLIP, NO_SLIP, NO_WALL
-from warpsph.kernels.core.viscosity import friction_scale
+from warpsph.kernels.core.viscosity import FRICTION_SHAPE, friction_scale
 from warpsph.kernels.isph.diffusion import STABILISER
 from warpsph.running.preview import describe, estimate
 from warpsph.scene import physics
@@ -94,11 +94,13 @@ def reference(bench, component):
         return 2.0 if spec.viscosity == "morris" else 2.0 * (d + 2) * x[..., component] ** 2 / (x**2).sum(axis=-1)
 
     def weights(f, x):
-        """F of Wendland's C2, -80 (1 - r/R)^3, or -K (1 - r/R)^1.5 in its place."""
+        """F of Wendland's C2, -80 (1 - s)^3, or -K (1 - s)^1.5 sum a_k s^k in its place, s = r/R."""
         if spec.viscosity != "isotropic":
             return f
-        u = np.clip(1.0 - np.linalg.norm(x, axis=-1) / (2 * bench.h), 1e-9, None)
-        return np.where(f != 0.0, f * friction_scale("wendland_c2", d) / 80.0 * u**-1.5, 0.0)
+        s = np.linalg.norm(x, axis=-1) / (2 * bench.h)
+        u = np.clip(1.0 - s, 1e-9, None)
+        shape = np.polynomial.Polynomial(FRICTION_SHAPE[d])(s)
+        return np.where(f != 0.0, f * friction_scale("wendland_c2", d) / 80.0 * u**-1.5 * shape, 0.0)
 
     for code, x, f in bench.pairs():
         sides = [(axis, 2 * axis + digit - 1) for axis, digit in enumerate(digits(code, d)) if digit]
