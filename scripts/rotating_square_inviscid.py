@@ -1,6 +1,6 @@
 """Reference solution of the rotating square of ideal liquid: the limit of finite elements at three Reynolds numbers.
 
-    python scripts/rotating_square_inviscid.py --output square   # pip install triangle; 25 minutes on two cores
+    python scripts/rotating_square_inviscid.py --output square   # pip install triangle; 10 minutes on two cores
 
 Without friction the surface has no smooth solution to compute directly: the pressure falls from it into the liquid, so
 that every ripple of it grows, the shorter the faster (Rayleigh-Taylor), and a mesh makes ripples.  With a little friction
