@@ -27,12 +27,11 @@ Writes drop.csv, every 0.02: time, semi-axes by second moments, kinetic energy, 
 from __future__ import annotations
 
 import argparse
-import importlib.util
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from rotating_square_exact import Forms, Mesh, make_mesh, start_of_steps, surface_splines
+from rotating_square_exact import Forms, Mesh, checked, make_mesh, start_of_steps, surface_splines
 from scipy.interpolate import CubicSpline
 from scipy.optimize import root
 from scipy.sparse import coo_array
@@ -153,12 +152,7 @@ def main() -> None:
     parser.add_argument("--step", type=float, default=0.01, help="time step over sqrt(rho R^3/sigma)")
     parser.add_argument("--end", type=float, default=6.0, help="end of the run over the same")
     parser.add_argument("--output", type=Path, default=Path("out"), help="folder for drop.csv")
-    a = parser.parse_args()
-    for name in ("ohnesorge", "stretch", "size", "step", "end"):
-        if not getattr(a, name) > 0:
-            parser.error(f"--{name} {getattr(a, name)}: needs a number above 0")
-    if importlib.util.find_spec("triangle") is None:
-        parser.error("needs Shewchuk's mesh generator: pip install triangle")
+    a = checked(parser)
     table = run(a.ohnesorge, a.stretch, a.size, a.step, a.end)
     a.output.mkdir(parents=True, exist_ok=True)
     even = np.arange(0, a.end + 1e-9, 0.02)

@@ -99,7 +99,7 @@ class Forms:
         jacobian = np.einsum("tia,qib->tqab", nodes[elements], P2_GRADIENT)
         determinant = np.linalg.det(jacobian)
         if determinant.min() <= 0:
-            raise RuntimeError("A triangle is turned inside out.")
+            raise SystemExit("A triangle is turned inside out: take a shorter --step or more friction.")
         self.gradient = np.einsum("qib,tqba->tqia", P2_GRADIENT, np.linalg.inv(jacobian), optimize=True)
         self.weight = determinant * WEIGHTS
         self.mesh, self.count, self.nodes = mesh, len(nodes), nodes
@@ -351,6 +351,17 @@ def run(reynolds: float, size: float, step: float, end: float, output: Path, rem
                "kinetic_energy_over_rho_w2_L4,angular_momentum_over_rho_w_L4")
 
 
+def checked(parser: argparse.ArgumentParser) -> argparse.Namespace:
+    """Return the arguments; every number must be above 0, and the mesh generator has to be there. Ends with code 2 else."""
+    chosen = parser.parse_args()
+    for name, value in vars(chosen).items():
+        if isinstance(value, int | float) and not value > 0:
+            parser.error(f"--{name} {value}: needs a number above 0")
+    if importlib.util.find_spec("triangle") is None:
+        parser.error("needs Shewchuk's mesh generator: pip install triangle")
+    return chosen
+
+
 def main() -> None:
     """Read the arguments and run."""
     parser = argparse.ArgumentParser(description="Rotating square of liquid with a free surface and no air.")
@@ -361,12 +372,7 @@ def main() -> None:
     parser.add_argument("--output", type=Path, default=Path("out"), help="folder for the results")
     parser.add_argument("--remesh", type=float, default=0.1, help="longest time between new meshes times omega")
     parser.add_argument("--passes", type=int, default=2, help="solutions in each step, the last with improved geometry")
-    a = parser.parse_args()
-    for name in ("reynolds", "size", "step", "end", "remesh", "passes"):
-        if not getattr(a, name) > 0:
-            parser.error(f"--{name} {getattr(a, name)}: needs a number above 0")
-    if importlib.util.find_spec("triangle") is None:
-        parser.error("needs Shewchuk's mesh generator: pip install triangle")
+    a = checked(parser)
     run(a.reynolds, a.size, a.step, a.end, a.output, a.remesh, a.passes)
 
 

@@ -14,13 +14,12 @@ outline_wt1.csv and outline_wt2.csv to the output folder, and the runs to folder
 """
 
 import argparse
-import importlib.util
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from rotating_square_exact import run
+from rotating_square_exact import checked, run
 
 Floats = NDArray[np.float64]
 REYNOLDS = (1000.0, 2000.0, 3000.0)
@@ -49,12 +48,7 @@ def main() -> None:
     parser.add_argument("--end", type=float, default=2.0, help="end of the run, omega t")
     parser.add_argument("--processes", type=int, default=2, help="runs at the same time")
     parser.add_argument("--output", type=Path, default=Path("out"), help="folder for the results")
-    a = parser.parse_args()
-    for name in ("size", "step", "end", "processes"):
-        if not getattr(a, name) > 0:
-            parser.error(f"--{name} {getattr(a, name)}: needs a number above 0")
-    if importlib.util.find_spec("triangle") is None:
-        parser.error("needs Shewchuk's mesh generator: pip install triangle")
+    a = checked(parser)
     runs = [a.output / f"re{number:g}" for number in REYNOLDS]
     with ProcessPoolExecutor(a.processes) as pool:
         for done in [pool.submit(run, number, a.size, a.step, a.end, folder, 0.1, 2)

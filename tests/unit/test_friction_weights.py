@@ -1,22 +1,15 @@
 """`scripts/friction_weights.py`: the fit that the weights of isotropic friction come from, and what it measures."""
 
-import importlib.util
-from pathlib import Path
-
 import numpy as np
 import pytest
 
+from tests.scripts import load_script
 from warpsph.kernels.core.viscosity import FRICTION_SHAPE
-
-SCRIPT = Path(__file__).resolve().parents[2] / "scripts" / "friction_weights.py"
 
 
 @pytest.fixture(scope="module")
 def script():
-    spec = importlib.util.spec_from_file_location("friction_weights", SCRIPT)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return load_script("friction_weights")
 
 
 @pytest.mark.parametrize("dimension", [2, 3])

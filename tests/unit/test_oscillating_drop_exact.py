@@ -1,25 +1,14 @@
 """`scripts/oscillating_drop_exact.py`: the pieces of a finite-element solution of a drop that swings."""
 
-import importlib.util
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
 
-SCRIPTS = Path(__file__).resolve().parents[2] / "scripts"
+from tests.scripts import load_script
 
 
 @pytest.fixture(scope="module")
 def script():
-    sys.path.insert(0, str(SCRIPTS))
-    try:
-        spec = importlib.util.spec_from_file_location("oscillating_drop_exact", SCRIPTS / "oscillating_drop_exact.py")
-        module = importlib.util.module_from_spec(spec)
-        spec.loader.exec_module(module)
-    finally:
-        sys.path.remove(str(SCRIPTS))
-    return module
+    return load_script("oscillating_drop_exact")
 
 
 def fan(script, stretch, count):

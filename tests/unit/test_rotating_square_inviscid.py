@@ -1,25 +1,14 @@
 """`scripts/rotating_square_inviscid.py`: the straight line in 1/Re that leads to a liquid without friction."""
 
-import importlib.util
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
 
-SCRIPTS = Path(__file__).resolve().parents[2] / "scripts"
+from tests.scripts import load_script
 
 
 @pytest.fixture(scope="module")
 def script():
-    sys.path.insert(0, str(SCRIPTS))
-    try:
-        spec = importlib.util.spec_from_file_location("rotating_square_inviscid", SCRIPTS / "rotating_square_inviscid.py")
-        module = importlib.util.module_from_spec(spec)
-        spec.loader.exec_module(module)
-    finally:
-        sys.path.remove(str(SCRIPTS))
-    return module
+    return load_script("rotating_square_inviscid")
 
 
 def test_line_is_exact_for_what_is_linear_in_friction(script):
