@@ -5,7 +5,7 @@ from typing import Any
 
 import warp as wp
 
-from warpsph.kernels.core.clock import STEP
+from warpsph.kernels.core.clock import SPEED, STEP
 from warpsph.kernels.core.pair import list_access, separation_of
 from warpsph.kernels.core.params import make_params, make_phase
 from warpsph.kernels.core.smoothing import make_smoothing
@@ -13,6 +13,8 @@ from warpsph.kernels.core.spec import SWEEP_OPTIONS, Spec, types, types_of
 from warpsph.kernels.core.weights import make_weights
 
 from .surface import INSIDE
+
+STALE = 0.1  # farthest that the pressure which is remembered may lie behind the particle, over h
 
 
 @functools.cache
@@ -93,6 +95,29 @@ def make_friction_rate(precision: str) -> Any:
 
 
 @functools.cache
+def make_memory(dimension: int, precision: str) -> Any:
+    """Return the `wp.func` memory(reach, clock, params, phase): steps that a pressure beside bodies is remembered for.
+
+    beta dt nu/h^2, `reach` being beta dt [s], but no more than it takes the fastest particle to go STALE times h: what a
+    particle remembers is the pressure of where it was (theory: isph#bodies).
+    """
+    real = types(2, precision).real
+    Params = make_params(dimension, precision)
+    Phase = make_phase(precision)
+    friction_rate = make_friction_rate(precision)
+
+    @wp.func
+    def memory(reach: real, clock: wp.array(dtype=wp.float64), params: Params, phase: Phase):
+        steps = reach * friction_rate(params.h, phase)
+        way = real(clock[SPEED] * clock[STEP])  # of the fastest particle in a step [m]
+        if steps * way > real(STALE) * params.h:
+            steps = real(STALE) * params.h / way
+        return steps
+
+    return memory
+
+
+@functools.cache
 def make_room_of_walls(spec: Spec) -> Any:
     """Return the `wp.func` that sums (1 - r^2/R^2)^2 V over the wall particles of bodies in the list of particle i [m^d].
 
@@ -140,7 +165,7 @@ def make_body_source(spec: Spec) -> Any:
     separation = separation_of(spec)
     list_begin, list_step, neighbour, Listed = list_access(spec)
     time_weights = make_weights(spec.second_order)
-    friction_rate = make_friction_rate(spec.precision)
+    memory = make_memory(spec.dimension, spec.precision)
     dimension = float(spec.dimension)
 
     @wp.kernel(module="unique", enable_backward=False, module_options=SWEEP_OPTIONS)
@@ -177,7 +202,7 @@ def make_body_source(spec: Spec) -> Any:
                 return
         rho = phases[0].density
         reach = real(time_weights(clock)[2] * clock[STEP])
-        number = reach * friction_rate(params.h, phases[0])
+        number = memory(reach, clock, params, phases[0])
         shared = (number + deferred) / (real(1.0) + number)
         ahead = velocity_ahead[i]
         jump = shared * lasting_gradient[i] - (velocity_star[i] - ahead) * (rho / reach)

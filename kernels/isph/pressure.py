@@ -17,7 +17,7 @@ from warpsph.kernels.core.time_signals import GRAVITY_NEXT, make_forcing
 from warpsph.kernels.core.weights import make_weights
 
 from .body_contact import make_contact
-from .body_pressure import make_friction_rate, make_room_of_walls
+from .body_pressure import make_friction_rate, make_memory, make_room_of_walls
 from .surface import INSIDE
 
 UNSURE = 0.01  # excess E that disorder alone can make: its standard deviation is 0.0037 on shifted particles
@@ -82,6 +82,7 @@ def make_assemble(spec: Spec) -> Any:
     gravity_of, _ = make_forcing(spec)
     time_weights = make_weights(spec.second_order)
     friction_rate = make_friction_rate(spec.precision)
+    memory = make_memory(spec.dimension, spec.precision)
     takes_part = make_takes_part(spec)
     room_of_walls, let_go = make_room_of_walls(spec), make_let_go(spec.dimension, spec.precision)
     dimension = float(spec.dimension)
@@ -152,7 +153,7 @@ def make_assemble(spec: Spec) -> Any:
         lagged = deferred
         lifted = rho
         if wp.static(spec.bodies):
-            new = real(1.0) / (real(1.0) + real(beta) * friction_rate(params.h, phases[0]))
+            new = real(1.0) / (real(1.0) + memory(real(beta), clock, params, phases[0]))
             kept = real(1.0) - new  # share of the last pressure, of its gradient in u* and of its Laplacian in the equation
             lifted = rho * new
             falling = falling * new
