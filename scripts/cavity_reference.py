@@ -2,6 +2,7 @@
 """Lid-driven cavity from rest by stream function and vorticity: the curves of `cases/lid_driven_cavity.yaml`.
 
     python scripts/cavity_reference.py --folder cases/reference     # 14 minutes on one core
+    python scripts/cavity_reference.py --folder cases/reference --creeping      # without inertia, seconds
 
     dw/dt = d(psi, w)/d(x, y) + nu lap w,   lap psi = -w,   u = (dpsi/dy, -dpsi/dx)
 
@@ -9,6 +10,8 @@ on n x n cells of a unit box: the Jacobian of Arakawa (1966), Poisson's equation
 (1933), Heun's method in time; all of second order. The table is the limit of n = 128 and 256, f + (f_256 - f_128)/3. Printed
 beside it: the largest difference of both grids, and the least u on the vertical, the largest and least v on the horizontal
 middle line over those of Botella and Peyret 1998 (spectral, Re = 100 and 1000) and of Marchi, Suero and Araki 2009 (400).
+
+Without inertia (case `creeping_cavity`) lap w = 0: one system of equations for psi.
 """
 
 from __future__ import annotations
@@ -18,6 +21,8 @@ from pathlib import Path
 
 import numpy as np
 from scipy.fft import dstn, idstn
+from scipy.sparse import diags_array, eye_array, kron
+from scipy.sparse.linalg import spsolve
 
 ENDS = {100: 30.0, 400: 30.0, 1000: 60.0}  # Reynolds number -> s
 KNOWN = {
@@ -106,6 +111,25 @@ def run(n: int, reynolds: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return u[n // 2, :], v[:, n // 2], np.array(energies)
 
 
+def creeping(n: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return u on the vertical and v on the horizontal middle line of the flow without inertia."""
+    h, inside = 1.0 / n, n - 1
+    line = diags_array([1.0, -2.0, 1.0], offsets=[-1, 0, 1], shape=(inside, inside))
+    beside = np.zeros((inside, inside))  # how many walls are next to a node: Thom's vorticity there is -2 psi/h^2
+    for wall in (np.s_[0, :], np.s_[-1, :], np.s_[:, 0], np.s_[:, -1]):
+        beside[wall] += 1.0
+    laplacian = kron(line, eye_array(inside)) + kron(eye_array(inside), line)
+    lid = np.zeros((inside, inside))
+    lid[:, -1] = -2.0 * h
+    system = (laplacian @ laplacian + 2.0 * diags_array(beside.ravel())).tocsc()
+    psi = np.zeros((n + 1, n + 1))
+    psi[1:-1, 1:-1] = spsolve(system, lid.ravel()).reshape(inside, inside)
+    cavity = Cavity(n, 1.0)
+    cavity.stream = psi
+    u, v = cavity.velocity()
+    return u[n // 2, :], v[:, n // 2]
+
+
 def extremes(u: np.ndarray, v: np.ndarray) -> np.ndarray:
     """Return the least u, the largest and the least v, of parabolas through the extreme nodes."""
 
@@ -125,11 +149,26 @@ def write(path: Path, names: list[str], columns: list[np.ndarray]) -> None:
     path.write_text("\n".join(lines) + "\n")
 
 
+def write_creeping(folder: Path) -> None:
+    """Compute and write the flow without inertia, the limit of 256 and 512 cells."""
+    coarse, fine = creeping(256), creeping(512)
+    place = np.linspace(0.0, 1.0, 129)
+    limit = [b[::4] + (b[::4] - a[::2]) / 3.0 for a, b in zip(coarse, fine, strict=True)]
+    apart = max(float(np.abs(b[::4] - a[::2]).max()) for a, b in zip(coarse, fine, strict=True))
+    print(f"no inertia: both grids differ by {apart:.2g}; extremes {extremes(*limit)}")
+    write(folder / "m_cavity_creeping.csv", ["position_m", "u", "v"], [place, *limit])
+
+
 def main() -> None:
     """Compute and write the tables."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--folder", type=Path, required=True, help="where the tables go")
-    folder = parser.parse_args().folder
+    parser.add_argument("--creeping", action="store_true", help="the flow without inertia alone")
+    given = parser.parse_args()
+    folder = given.folder
+    if given.creeping:
+        write_creeping(folder)
+        return
     every = CELLS[1] // CELLS[0]
     place = np.linspace(0.0, 1.0, CELLS[0] + 1)
     us, vs, energies = [], [], []

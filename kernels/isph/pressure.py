@@ -7,7 +7,7 @@ import warp as wp
 
 from warpsph.kernels.core.clock import MAXIMA, SPEED, STEP
 from warpsph.kernels.core.fields import FLUID
-from warpsph.kernels.core.mirror import code_shift, make_images, make_sides
+from warpsph.kernels.core.mirror import NO_WALL, code_shift, make_images, make_sides
 from warpsph.kernels.core.pair import WRAPPED, list_access, make_entry, natural
 from warpsph.kernels.core.params import make_params, make_phase
 from warpsph.kernels.core.poses import make_pose
@@ -18,10 +18,12 @@ from warpsph.kernels.core.weights import make_weights
 
 from .body_contact import make_contact
 from .body_pressure import make_friction_rate, make_memory, make_room_of_walls
+from .projection import CLOSEST
 from .surface import INSIDE
 
 UNSURE = 0.01  # excess E that disorder alone can make: its standard deviation is 0.0037 on shifted particles
 TOUCH = 0.75  # distance from a wall particle at which a particle of the surface stops, in spacings; a resting row has 1
+TOUCHING = 1.001  # distance below which a particle has come as near to a side as it may, over that distance
 TENSION = 0.5  # largest, over rho u_max^2
 
 
@@ -84,10 +86,10 @@ def make_assemble(spec: Spec) -> Any:
     friction_rate = make_friction_rate(spec.precision)
     memory = make_memory(spec.dimension, spec.precision)
     takes_part = make_takes_part(spec)
+    remembers = spec.bodies or (spec.implicit_viscosity and not (spec.free_surface or spec.open_axis >= 0))
     room_of_walls, let_go = make_room_of_walls(spec), make_let_go(spec.dimension, spec.precision)
     dimension = float(spec.dimension)
     image_bit = code_shift(spec.dimension)
-    index_mask = (1 << image_bit) - 1
 
     @wp.kernel(module="unique", enable_backward=False, module_options=SWEEP_OPTIONS)
     def assemble(
@@ -152,7 +154,7 @@ def make_assemble(spec: Spec) -> Any:
         falling = gravity_of(params, forcing, GRAVITY_NEXT) * real(beta)
         lagged = deferred
         lifted = rho
-        if wp.static(spec.bodies):
+        if wp.static(remembers):
             new = real(1.0) / (real(1.0) + memory(real(beta), clock, params, phases[0]))
             kept = real(1.0) - new  # share of the last pressure, of its gradient in u* and of its Laplacian in the equation
             lifted = rho * new
@@ -180,7 +182,7 @@ def make_assemble(spec: Spec) -> Any:
             code = int(0)
             if wp.static(spec.mirror):
                 code = j >> image_bit
-                j = j & index_mask
+                j = j & wp.static((1 << image_bit) - 1)
             xj = position[j]
             d = apart(xi, xj, code, wrapped, params, sides)
             r2 = wp.dot(d, d)
@@ -192,7 +194,7 @@ def make_assemble(spec: Spec) -> Any:
                     continue  # see `open_projection.make_open_source`
             w = weight * f
             vj = velocity_star[j]
-            if wp.static(spec.bodies):
+            if wp.static(remembers):
                 vj = vj - push * lasting_gradient[j]
                 right += (kept * w) * (pressure[i] - pressure[j])
             if wp.static(spec.mirror):
@@ -241,7 +243,7 @@ def make_assemble(spec: Spec) -> Any:
         if relaxed == 1:
             # BDF2 of dD/dt = -(D - wanted)/tau, the right side extrapolated: stable up to dt = tau
             rate = wp.float64(2.0) * clock[SPEED] / wp.float64(params.h)
-            if wp.static(spec.bodies or (spec.free_surface and spec.viscosity != "none")):
+            if wp.static(spec.viscosity != "none"):
                 rate += wp.float64(friction_rate(params.h, phases[0]))
             rate = wp.min(rate, wp.float64(1.0) / clock[STEP])
             left_now = wp.float64(dilation[i])
@@ -308,6 +310,33 @@ def make_accept(spec: Spec) -> Any:
 
 
 @functools.cache
+def make_without_walls(spec: Spec) -> Any:
+    """Return the `wp.func` without_walls(a, velocity, x, params, sides): an acceleration less what sides take away again.
+
+    A particle that has come as near to a side as it may stops there at the start of the next step, whatever drives it on:
+    in a corner friction does so for ever, at a rate that says nothing of how fast the flow changes.
+    """
+    real, vec, _, _ = types_of(spec)
+    Params = make_params(spec.dimension, spec.precision)
+    Sides = make_sides(spec.dimension, spec.precision)
+    dimension = spec.dimension
+
+    @wp.func
+    def without_walls(a: vec, velocity: vec, x: vec, params: Params, sides: Sides):
+        result = vec() + a
+        if wp.static(spec.mirror):
+            near = real(TOUCHING * CLOSEST) * params.spacing
+            for axis in range(wp.static(dimension)):
+                if sides.kind[2 * axis] != NO_WALL and x[axis] - sides.lower[axis] < near and velocity[axis] < real(0.0):
+                    result[axis] = real(0.0)
+                if sides.kind[2 * axis + 1] != NO_WALL and sides.upper[axis] - x[axis] < near and velocity[axis] > real(0.0):
+                    result[axis] = real(0.0)
+        return result
+
+    return without_walls
+
+
+@functools.cache
 def make_correct(spec: Spec) -> Any:
     """Return the sweep that takes the pressure gradient off: u^{n+1} = u* - (beta dt/rho) grad p.
 
@@ -325,6 +354,7 @@ def make_correct(spec: Spec) -> Any:
     gravity_of, body_force_of = make_forcing(spec)
     time_weights = make_weights(spec.second_order)
     contact = make_contact(spec)
+    without_walls = make_without_walls(spec)
     Pose = make_pose()
     periodic = any(spec.periodic)
     image_bit = code_shift(spec.dimension)
@@ -492,7 +522,7 @@ def make_correct(spec: Spec) -> Any:
         a = (new - old) / real(clock[STEP])
         acceleration[i] = a
         v2 = wp.dot(new, new)
-        a2 = wp.dot(a, a)
+        a2 = wp.length_sq(without_walls(a, new, xi, params, sides))
         if v2 > maxima[slot * MAXIMA]:
             wp.atomic_max(maxima, slot * MAXIMA, v2)
         if a2 > maxima[slot * MAXIMA + 1]:

@@ -1,17 +1,20 @@
 """What `auto` comes to: sound speeds, formulation, time-step limits."""
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from tests.scenes import PERIODIC, case_of
 from warpsph.case.case import Case
+from warpsph.case.case_file import load_case
 from warpsph.errors import CaseError
 from warpsph.running.model import Model
 from warpsph.scene.geometry import build
 from warpsph.scene.physics import derive, support_radius
 
+CASES = Path(__file__).resolve().parents[2] / "cases"
 LAPLACE = 1.0 / math.sqrt(1 / math.pi)  # sigma/R of the droplet below, of its area [Pa]
 
 
@@ -261,3 +264,13 @@ def test_one_fluid_and_one_with_a_surface_have_their_density_without_pressure():
         "start": {"pressure": "hydrostatic"}, "scales": {"velocity": 1.0},
     })  # fmt: skip
     assert not Model(case, threads=1).nominal_pressure.any()
+
+
+@pytest.mark.parametrize(("sides", "share"), [("wall", 100.0), ("periodic", 0.0)])
+def test_sound_is_fast_enough_for_the_corners_of_a_lid(sides: str, share: float) -> None:
+    """Where a side slides into a corner friction makes a pressure of mu U/h there: c^2 = 100 mu U/(rho h)."""
+    case = load_case(CASES / "creeping_cavity.yaml").replace({"domain.boundary.x": sides})
+    physics = derive(case, build(case, support_radius(case)))
+    lid = 1.0 - np.exp(-40.0 * 0.6)
+    corner = share * 10.0 * lid / physics.h
+    assert physics.sound_speed[0] ** 2 == pytest.approx(max(corner, 100.0 * 10.0 * 1.0), rel=1e-6)

@@ -283,10 +283,12 @@ def needed_sound_speeds(
 ) -> list[float]:
     """Return the least sound speed of each phase [m/s] (theory: riemann#a1).
 
-    c_k^2 >= max(U^2, p_k/rho_k, 0.01 p_max/rho_k, mu_k U/(rho_k L)) / 0.01, p_k the pressure that phase k sees; p_k / 4
-    for a light phase whose volume its start pressure holds, or a closed domain that is full (`filled`).
+    c_k^2 >= max(U^2, p_k/rho_k, 0.01 p_max/rho_k, mu_k U/(rho_k L), mu_k U_c/(rho_k h)) / 0.01, p_k the pressure that
+    phase k sees; p_k / 4 for a light phase whose volume its start pressure holds, or a closed domain that is full
+    (`filled`); U_c the speed of sides in corners.
     """
     velocity, length = scales["velocity"], scales["length"]
+    scraping = corner_speed(case) / (smoothing_ratio(case) * case.spacing)
     largest = float(seen.max(initial=0.0))
     densest = max(case.phases[name].density for name in case.phase_names)
     held = filled or case.start.pressure not in (None, "auto")
@@ -299,9 +301,25 @@ def needed_sound_speeds(
             float(pressure) / (share * phase.density),
             SHARED_PRESSURE * largest / phase.density,
             phase.viscosity * velocity / (phase.density * length) if length > 0 else 0.0,
+            phase.viscosity * scraping / phase.density,
         )
         result.append(math.sqrt(square / COMPRESSION))
     return result
+
+
+def corner_speed(case: Case) -> float:
+    """Return the largest speed with which a side slides towards a wall, or away from one, at the end of it [m/s].
+
+    Friction makes a pressure of mu U/r in such a corner, of the other sign where it slides away (Taylor 1962).
+    """
+    largest = 0.0
+    forcing = forcing_of(case)
+    for number, side in enumerate(forcing.sides):
+        for axis, speed in enumerate(forcing.largest(side)):
+            ends = case.sides[axis]
+            if axis != number // 2 and "wall" in (ends.lower.kind, ends.upper.kind):
+                largest = max(largest, abs(float(speed)))
+    return largest
 
 
 def sound_speeds(
