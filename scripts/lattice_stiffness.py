@@ -12,6 +12,8 @@ a pure number of the kernel, the ratio h over the spacing and the direction: it 
 wave on deep water with displacement X e^(ky) the pressure is rho g |y| and e = k X e^(ky); the strain has kappa/2 rho g X^2
 an area where the weight has rho g X^2/4, so that the frequency is high by the share kappa, linear in the wave: until
 the lattice yields. Printed: mean, least and largest kappa over the directions of a square lattice and of a hexagonal one.
+
+Beside it: what the sum of the lattice makes of a pressure gradient of 1, less 1. A column at rest has so much too much pressure.
 """
 
 from __future__ import annotations
@@ -56,6 +58,18 @@ def stiffness(kernel: str, ratio: float, kind: str) -> NDArray[np.float64]:
     return np.array(ends) / (4 * STRAIN**2)
 
 
+def gradient(kernel: str, ratio: float, kind: str) -> float:
+    """What the lattice makes of a gradient of 1, less 1: -sum V x^2 W'/r - 1, the mean over both axes."""
+    import warp as wp
+
+    from warpsph.kernels.core.smoothing import KERNELS, make_smoothing
+
+    _, slope = make_smoothing(kernel, "float64")
+    distances = np.hypot(*lattice(kind, 1.1 * KERNELS[kernel].support * ratio).T) / ratio
+    total = sum(float(slope(wp.float64(q))) * q**2 for q in distances)
+    return -0.5 * KERNELS[kernel].alpha[1] / ratio**2 * total - 1.0
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--kernel", default="wendland_c2", help="a smoothing kernel of the case file (default wendland_c2)")
@@ -67,11 +81,12 @@ def main() -> None:
         parser.error(f"--kernel {chosen.kernel}: needs one of {', '.join(KERNELS)}")
     if not all(ratio >= 1 for ratio in chosen.ratio):
         parser.error("--ratio: needs numbers from 1 on; below, a particle has no neighbours to speak of")
-    print(f"{'lattice':10} {'h/dx':>5} {'mean':>8} {'least':>8} {'largest':>8}")
+    print(f"{'lattice':10} {'h/dx':>5} {'mean':>8} {'least':>8} {'largest':>8} {'gradient':>9}")
     for kind in ("square", "hexagonal"):
         for ratio in chosen.ratio:
             kappa = stiffness(chosen.kernel, ratio, kind)
-            print(f"{kind:10} {ratio:5g} {kappa.mean():8.4f} {kappa.min():8.4f} {kappa.max():8.4f}")
+            off = gradient(chosen.kernel, ratio, kind)
+            print(f"{kind:10} {ratio:5g} {kappa.mean():8.4f} {kappa.min():8.4f} {kappa.max():8.4f} {off:9.4f}")
 
 
 if __name__ == "__main__":

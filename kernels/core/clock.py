@@ -74,6 +74,7 @@ RARE_LIMIT = CLOCK.slot("m", "way after which they run again")
 RARE_CAP = CLOCK.slot("s", "time after which they run again")
 VISCOUS_STEP = CLOCK.slot("s", "longest step of explicit viscosity, always allowed where it is implicit")
 CHANGE = CLOCK.slot("-", "change of the velocity in a step over the largest speed beyond it; 0 where it is explicit")
+AT_REST = CLOCK.slot("m/s", "speed below which that change is over this speed")
 SIGNAL_RATE = CLOCK.slot("1/s", "largest signal speed over smoothing length, where each particle has its own", kept=True)
 SIGNAL_COURANT = CLOCK.slot("-", "Courant number of that rate")
 RELAXATION = CLOCK.slot("-", "stiffness of the part of the pressure that fades, over that of the rest")
@@ -189,7 +190,7 @@ def make_advance(precision: str) -> Any:
             # then takes steps in proportion to its age.
             accurate = clock[VISCOUS_STEP]
             if acceleration > wp.float64(0.0):
-                accurate = wp.max(accurate, clock[CHANGE] * speed / acceleration)
+                accurate = wp.max(accurate, clock[CHANGE] * wp.max(speed, clock[AT_REST]) / acceleration)
             dt = wp.min(dt, accurate)
             if clock[LAST_STEP] > wp.float64(0.0):
                 dt = wp.min(dt, wp.float64(GROWTH) * clock[LAST_STEP])

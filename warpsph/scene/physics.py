@@ -60,6 +60,7 @@ class Physics:
         acoustic: speed of sound that the time step follows [m/s]; 0 where sound does not limit it.
         viscous_step: limit of the time step that implicit viscosity is freed from [s]; 0 where viscosity is explicit.
         slow_step: time step that implicit viscosity takes in the slowest shear flow [s].
+        rest_speed: speed below which what is left of a flow is rounding [m/s].
         runaway: speed that stops the run [m/s].
         warnings: lines for the user.
     """
@@ -79,6 +80,7 @@ class Physics:
     acoustic: float = 0.0
     viscous_step: float = 0.0
     slow_step: float = math.inf
+    rest_speed: float = 0.0
 
     @property
     def hardest_pressure(self) -> float:

@@ -31,6 +31,9 @@ EXTRAPOLATED = 2.0 / 3.0
 # Implicit viscosity: change of the velocity in a step over the largest speed. The error in time goes with its square:
 # vortices that decay to a tenth are 0.02 % off at 0.025, 0.11 % at 0.05, 0.5 % at 0.1, beside 1.2 % in space at 50 x 50.
 CHANGE = 0.05
+# Speed below which a fluid is at rest, over that of the scene and that of a fall through it: what is left is rounding, in
+# float32 of the weight, which changes in every step.
+AT_REST = 1.0e-6
 # Longest step without friction over that of explicit friction from which on implicit friction pays: both take the same time
 # at a ratio of 1.6, implicit friction 0.4 of it at 3.2 (scripts/isph_viscosity.py).
 WORTH = 2.0
@@ -296,5 +299,6 @@ def derive(case: Case, geometry: Geometry, row_list: bool) -> Physics:
         warnings=tuple(warnings),
         densities=(phase.density,),
         viscous_step=explicit if implicit else 0.0,
+        rest_speed=AT_REST * max(velocity, math.sqrt(force * scales["length"])),
         slow_step=max(CHANGE * _decay(phase, scales["length"]), explicit) if implicit else math.inf,
     )

@@ -146,6 +146,7 @@ class IsphScheme(FlowThrough):
             clock[ck.FORCE] = math.inf  # the printed limits know no acceleration
         if physics.spec.implicit_viscosity:
             clock[ck.VISCOUS_STEP], clock[ck.CHANGE] = physics.viscous_step, CHANGE
+            clock[ck.AT_REST] = physics.rest_speed
 
     def systems(self, case: Any, geometry: Geometry, physics: Physics) -> Callable[[Level], Systems]:
         """Return what makes matrix and solvers of a level."""
