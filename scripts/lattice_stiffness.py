@@ -13,7 +13,7 @@ wave on deep water with displacement X e^(ky) the pressure is rho g |y| and e = 
 an area where the weight has rho g X^2/4, so that the frequency is high by the share kappa, linear in the wave: until
 the lattice yields. Printed: mean, least and largest kappa over the directions of a square lattice and of a hexagonal one.
 
-Beside it: what the sum of the lattice makes of a pressure gradient of 1, less 1. A column at rest has so much too much pressure.
+Beside it: what the sum of the lattice makes of a pressure gradient of 1, less 1: a column at rest has so much more pressure.
 """
 
 from __future__ import annotations

@@ -25,7 +25,7 @@ def test_a_cavity_without_inertia():
 
 
 def test_what_rounding_leaves_of_a_fluid_at_rest_sets_no_step():
-    """Syrup that fills a box: its speeds are rounding, 1e-8 m/s, and change in every step. With them 2 s were 6 160 steps."""
+    """Syrup that fills a box: its speeds are rounding, 1e-8 m/s, and change in every step: 6 160 steps in 2 s."""
     model = Model(
         Case.from_dict(
             {
