@@ -64,6 +64,12 @@ def make_let_go(dimension: int, precision: str) -> Any:
     return let_go
 
 
+def keeps_share(spec: Spec) -> bool:
+    """Return whether a share of the last pressure stays in the equation (theory: isph#bodies)."""
+    full = not spec.free_surface and spec.open_axis < 0
+    return spec.bodies or (spec.mirror and spec.implicit_viscosity and full)
+
+
 @functools.cache
 def make_assemble(spec: Spec) -> Any:
     """Return the sweep that fills the pressure matrix, its right-hand side and what the multigrid needs of them.
@@ -86,7 +92,7 @@ def make_assemble(spec: Spec) -> Any:
     friction_rate = make_friction_rate(spec.precision)
     memory = make_memory(spec.dimension, spec.precision)
     takes_part = make_takes_part(spec)
-    remembers = spec.bodies or (spec.implicit_viscosity and not (spec.free_surface or spec.open_axis >= 0))
+    remembers = keeps_share(spec)
     room_of_walls, let_go = make_room_of_walls(spec), make_let_go(spec.dimension, spec.precision)
     dimension = float(spec.dimension)
     image_bit = code_shift(spec.dimension)
