@@ -166,6 +166,8 @@ def main() -> None:
     parser.add_argument("--creeping", action="store_true", help="the flow without inertia alone")
     given = parser.parse_args()
     folder = given.folder
+    if not folder.is_dir():
+        parser.error(f"--folder {folder}: does not exist; make it, or name another folder")
     if given.creeping:
         write_creeping(folder)
         return

@@ -85,6 +85,8 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--profile", type=Path, help="write the velocity over the way across both gaps to this file")
     given = parser.parse_args()
+    if given.profile and not given.profile.absolute().parent.is_dir():
+        parser.error(f"--profile {given.profile}: the folder does not exist; make it, or name another file")
     bearing = Bearing()
     force, torque = bearing.load(bearing.inner, bearing.offset)
     print(f"inner cylinder: torque about its centre {torque:.5f}, force ({force.real:.5f}, {force.imag:.5f})")

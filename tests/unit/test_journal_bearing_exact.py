@@ -47,3 +47,19 @@ def test_the_stress_is_that_of_the_velocity():
 
     slope = (along(r + step) - along(r - step)) / (2 * step) - along(r) / r + (across(step) - across(-step)) / (2 * step * r)
     assert slope.mean() * 2 * np.pi * r**2 == pytest.approx(bearing.load(r, 0.25)[1], rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("name", "options", "key"),
+    [
+        ("journal_bearing_exact", ["--profile", "nowhere/profile.csv"], "--profile nowhere/profile.csv"),
+        ("cavity_reference", ["--folder", "nowhere", "--creeping"], "--folder nowhere"),
+    ],
+)
+def test_a_missing_folder_is_named_before_anything_is_computed(name, options, key, monkeypatch, capsys, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("sys.argv", [name, *options])
+    with pytest.raises(SystemExit) as ended:
+        load_script(name).main()
+    assert ended.value.code == 2
+    assert key in capsys.readouterr().err
