@@ -65,6 +65,11 @@ def viscous_surface(spec: Spec) -> bool:
     return spec.free_surface and spec.viscosity != "none" and not spec.printed
 
 
+def implicit_at_bodies(spec: Spec) -> bool:
+    """Runs of ISPH with implicit friction on bodies that have a surface of their own."""
+    return spec.bodies and spec.implicit_viscosity
+
+
 def free_surface(spec: Spec) -> bool:
     """Runs with a free surface."""
     return spec.free_surface

@@ -12,7 +12,8 @@ u*_x.
 
 r is what the step adds to the extrapolation, O(dt^2), so that w - r = O(dt^2 beta dt nu/h^2): second order, and nothing
 where the viscous number is small. For that the last pressure gradient has to be part of it: it balances the weight of a
-fluid at rest.
+fluid at rest. Beside bodies it is that of the fluid alone: the whole gradient there answers what the last step added across
+the wall, and friction that waits for this answer drives rows at the wall to and fro (docs/records/bodies_isph.md#late).
 
 Stability: with z = s' beta dt nu lambda(A) and zeta that of the full term, the roots of
 (1 + z) q^2 - (2 (z - zeta) + 4/3) q + z - zeta + 1/3 stay in the unit circle as long as z >= 3/4 zeta - 2/3. lambda of the
@@ -27,7 +28,7 @@ from typing import Any
 import warp as wp
 
 from warpsph.kernels.core.clock import STEP, VISCOUS_STEP
-from warpsph.kernels.core.fields import FLUID
+from warpsph.kernels.core.fields import FLUID, implicit_at_bodies
 from warpsph.kernels.core.mirror import NO_SLIP, code_shift, make_images, make_sides
 from warpsph.kernels.core.pair import WRAPPED, list_access, make_entry, natural
 from warpsph.kernels.core.params import make_params, make_phase
@@ -187,6 +188,7 @@ def make_diffusion(spec: Spec) -> tuple[Any, Any, Any]:
         velocity_old: wp.array(dtype=vec),
         velocity_star: wp.array(dtype=vec),
         lasting_gradient: wp.array(dtype=vec),
+        fluid_gradient: wp.array(dtype=vec),
         unknown: wp.array(dtype=real),
         source: wp.array(dtype=real),
         zone: wp.array(dtype=wp.int8),
@@ -198,7 +200,10 @@ def make_diffusion(spec: Spec) -> tuple[Any, Any, Any]:
         weights = time_weights(clock)
         now = velocity[i][component]
         extrapolated = now + (now - velocity_old[i][component]) * real(weights[3])
-        push = real(weights[2] * clock[STEP]) / phases[0].density * lasting_gradient[i][component]
+        gradient = lasting_gradient[i]
+        if wp.static(implicit_at_bodies(spec)):
+            gradient = fluid_gradient[i]
+        push = real(weights[2] * clock[STEP]) / phases[0].density * gradient[component]
         added = velocity_star[i][component] - extrapolated - push
         source[i] = rest_volume[i] / params.wall_volume * added
         unknown[i] = real(0.0)

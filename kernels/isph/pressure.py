@@ -6,7 +6,7 @@ from typing import Any
 import warp as wp
 
 from warpsph.kernels.core.clock import MAXIMA, SPEED, STEP
-from warpsph.kernels.core.fields import FLUID
+from warpsph.kernels.core.fields import FLUID, implicit_at_bodies
 from warpsph.kernels.core.mirror import NO_WALL, code_shift, make_images, make_sides
 from warpsph.kernels.core.pair import WRAPPED, list_access, make_entry, natural
 from warpsph.kernels.core.params import make_params, make_phase
@@ -18,7 +18,7 @@ from warpsph.kernels.core.weights import make_weights
 
 from .body_contact import make_contact
 from .body_pressure import make_friction_rate, make_memory, make_room_of_walls
-from .projection import CLOSEST
+from .projection import CLOSEST, SMALLEST_MOMENT
 from .surface import INSIDE
 
 UNSURE = 0.01  # excess E that disorder alone can make: its standard deviation is 0.0037 on shifted particles
@@ -343,6 +343,47 @@ def make_without_walls(spec: Spec) -> Any:
 
 
 @functools.cache
+def make_without_impacts(spec: Spec) -> Any:
+    """Return the `wp.func` without_impacts(gradient, before): the smaller one of the last two pressure gradients.
+
+    None if they oppose: an impact is over in the next step.
+    """
+    real, vec, _, _ = types_of(spec)
+
+    @wp.func
+    def without_impacts(gradient: vec, before: vec):
+        lasting = vec()
+        if wp.dot(gradient, before) > real(0.0):
+            lasting = gradient * wp.min(real(1.0), wp.length(before) / wp.length(gradient))
+        return lasting
+
+    return without_impacts
+
+
+@functools.cache
+def make_of_fluid(spec: Spec) -> Any:
+    """Return the `wp.func` of_fluid(total, correction, walls, gradient, lasting): the lasting gradient as the fluid has it.
+
+    `total` is the sum over the fluid neighbours that `gradient` is made of, `walls` that of F x (x) x V over the walls of
+    bodies, negative. `gradient` answers what the step adds across a wall, this does not; where pressure balances that, both
+    are equal. Where there is too little fluid for it, it is the lasting gradient itself (theory: isph#bodies).
+    """
+    real, vec, mat, _ = types_of(spec)
+    smallest = SMALLEST_MOMENT**spec.dimension
+
+    @wp.func
+    def of_fluid(total: vec, correction: mat, walls: mat, gradient: vec, lasting: vec):
+        result = lasting
+        moment = wp.inverse(correction) + walls
+        size = wp.length(gradient)
+        if wp.determinant(moment) > real(smallest) and size > real(0.0):
+            result = wp.inverse(moment) * total * (wp.length(lasting) / size)
+        return result
+
+    return of_fluid
+
+
+@functools.cache
 def make_correct(spec: Spec) -> Any:
     """Return the sweep that takes the pressure gradient off: u^{n+1} = u* - (beta dt/rho) grad p.
 
@@ -361,6 +402,7 @@ def make_correct(spec: Spec) -> Any:
     time_weights = make_weights(spec.second_order)
     contact = make_contact(spec)
     without_walls = make_without_walls(spec)
+    without_impacts, of_fluid = make_without_impacts(spec), make_of_fluid(spec)
     Pose = make_pose()
     periodic = any(spec.periodic)
     image_bit = code_shift(spec.dimension)
@@ -402,6 +444,7 @@ def make_correct(spec: Spec) -> Any:
         velocity_old: wp.array(dtype=vec),
         pressure_gradient: wp.array(dtype=vec),
         lasting_gradient: wp.array(dtype=vec),
+        fluid_gradient: wp.array(dtype=vec),
         acceleration: wp.array(dtype=vec),
         beside: wp.array(dtype=vec),
         wall_gap: wp.array(dtype=real),
@@ -445,7 +488,7 @@ def make_correct(spec: Spec) -> Any:
                     p_j += rho * wp.dot(gravity_of(params, forcing, GRAVITY_NEXT), lift(xj, code, sides))
             f = slope(wp.sqrt(wp.dot(d, d)) * params.inv_h) * rest_volume[j]
             total += (f * (p_j + sign * p_i)) * d
-        shut = mat()
+        walls, shut = mat(), mat()
         push = vec()
         added = vec()
         if wp.static(spec.bodies):
@@ -470,6 +513,7 @@ def make_correct(spec: Spec) -> Any:
                     n = wall_normal[b]
                     fd = (slope(r * params.inv_h) * boundary_volume[b] * params.g_norm) * d
                     # along the wall as the fluid has it, across it what stops the velocity
+                    walls += wp.outer(fd, d)
                     shut += wp.outer(fd, d - n * wp.dot(n, d))
                     across = wp.dot(n, added)
                     if wp.static(spec.moving):
@@ -509,13 +553,15 @@ def make_correct(spec: Spec) -> Any:
         if advancing == 0:
             pressure_gradient[i] = gradient
             lasting_gradient[i] = gradient
+            if wp.static(implicit_at_bodies(spec)):
+                fluid_gradient[i] = gradient
             return
-        # The smaller of this gradient and the last, none if they oppose: an impact is over in the next step.
-        before = pressure_gradient[i]
-        lasting = vec()
-        if wp.dot(gradient, before) > real(0.0):
-            lasting = gradient * wp.min(real(1.0), wp.length(before) / wp.length(gradient))
+        lasting = without_impacts(gradient, pressure_gradient[i])
         lasting_gradient[i] = lasting
+        if wp.static(implicit_at_bodies(spec)):
+            if wall_neighbours[i] > wp.int16(0):
+                lasting = of_fluid(total * params.g_norm, correction[i], walls, gradient, lasting)
+            fluid_gradient[i] = lasting
         pressure_gradient[i] = gradient
         old = velocity[i]
         new = velocity_star[i] - gradient * (real(time_weights(clock)[2] * clock[STEP]) / rho)

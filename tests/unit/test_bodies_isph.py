@@ -9,6 +9,7 @@ import pytest
 from warpsph.case.case import Case
 from warpsph.case.case_file import load_case
 from warpsph.errors import CaseError
+from warpsph.kernels.core import clock as ck
 from warpsph.kernels.isph.projection import CLOSEST
 from warpsph.running.model import Model
 from warpsph.simulation import Simulation
@@ -420,3 +421,41 @@ def test_the_pressure_that_is_remembered_does_not_lag_behind_the_particles() -> 
     simulation = Simulation(case)
     simulation.run()
     assert abs(simulation.summary["errors"]["force"]["error"]) < 0.02
+
+
+def test_the_force_of_friction_at_long_steps_is_steady() -> None:
+    """The flow of `journal_bearing` is steady from t = 0.5 on: so is the force, step by step.
+
+    With a last gradient that answers what the step before added across the wall it swings by 12 %
+    (records/bodies_isph.md#late).
+    """
+    changes = {"numerics.scheme": "isph", "output.particles": "none", "gauges": {}, "reference": {}, "validation": {}}
+    model = Model(load_case(CASES / "journal_bearing.yaml").replace(changes))
+    model.stepper.prepare(True)
+    model.stepper.run(0.9, 10**6)
+    force = []
+    for _ in range(30):
+        model.stepper.run(2.0, 1)
+        force.append(model.wall_forces()["wall_force_y inner"])
+    assert model.stepper.read()[0][ck.LAST_STEP] > 4.0 * (1.5 / 20) ** 2  # h^2/nu: steps are long
+    assert np.std(force) < 0.01 * np.mean(force)
+
+
+def test_the_gradient_of_the_fluid_is_the_whole_gradient_where_pressure_balances_a_weight() -> None:
+    """Syrup at rest around a cylinder: fluid alone, or fluid and walls that answer the weight, have the same gradient."""
+    syrup = {
+        "dimension": 2,
+        "particle_spacing": 0.05,
+        "domain": {"lower": [0, 0], "upper": [1, 1], "boundary": {"x": "wall", "y": "wall"}},
+        "gravity": [0, -9.81],
+        "phases": {"syrup": {"density": 1400.0, "viscosity": 100.0}},
+        "fluids": [{"phase": "syrup", "shape": "rest"}],
+        "bodies": {"cylinder": {"shape": {"sphere": {"center": [0.5, 0.5], "radius": 0.22}}}},
+        "numerics": {"scheme": "isph", "implicit_viscosity": True},
+    }
+    model = run(syrup, 0.05)
+    of_fluid, lasting = (model.particles.get(name) for name in ("fluid_gradient", "lasting_gradient"))
+    beside = model.particles.get("wall_neighbours") > 0
+    assert beside.sum() > 50
+    np.testing.assert_allclose(lasting[beside], np.tile([0.0, -9.81 * 1400.0], (beside.sum(), 1)), atol=1e-4 * 9.81 * 1400.0)
+    np.testing.assert_allclose(of_fluid[beside], lasting[beside], atol=1e-4 * 9.81 * 1400.0)
