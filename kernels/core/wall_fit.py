@@ -13,7 +13,8 @@ that are not plane.
 
 A wall without friction has a velocity along it from the fit of the fluid alone, and a slope that makes no shear stress.
 A divergence has such a velocity too (`sliding`) where the layer on a wall that the fluid sticks to is thinner than a fit
-sees: there -S n z turns round what runs along the wall, and so the sign of its divergence (theory: delta#layers).
+sees: there -S n z turns round what runs along the wall, and so the sign of its divergence (theory: delta#layers). Where the
+fit sees the layer, q has the part along n that a flow of growing shear has in a divergence: d2u_n/dn2 = -d(du_t/dn)/dt.
 Where the fluid is too thin for a fit, G = 0, and the velocity changes along the normal alone. A wall that it has not come to
 has no volume (`dry_walls`).
 
@@ -126,8 +127,9 @@ def make_sliding(dimension: int, precision: str) -> tuple[Any, Any]:
 
     own_fit(the sums of `bent` and their means, trust, normal, reach): velocity at the foot less that of the wall, slope and
     bend of a fit that does not know the wall.
-    slid(these three, slope and bend of the fit that knows it, normal, h): what is added to the velocity of the wall, slope
-    and bend. Across the wall all is as the fit has it that knows it.
+    slid(these three, slope and bend of the fit that knows it, lift, hollow, normal, h): what is added to the velocity of the
+    wall, slope and bend. Across the wall all is as the fit has it that knows it, and where it sees the layer it bends there
+    too: by `hollow` along the normal, which changes the slope of that part by `lift`.
     """
     real, vec, mat, _ = types(dimension, precision)
     bent = make_bent(dimension, precision, False)
@@ -167,7 +169,7 @@ def make_sliding(dimension: int, precision: str) -> tuple[Any, Any]:
         return flow - trust * (slope * mean + y2 * q + s2 * c), trust * slope, trust * q
 
     @wp.func
-    def slid(value: vec, slope: mat, q: vec, shear: mat, bend: vec, normal: vec, h: real):
+    def slid(value: vec, slope: mat, q: vec, shear: mat, bend: vec, lift: vec, hollow: real, normal: vec, h: real):
         along = value - normal * wp.dot(value, normal)
         rise = slope * normal
         rise -= normal * wp.dot(rise, normal)
@@ -176,7 +178,12 @@ def make_sliding(dimension: int, precision: str) -> tuple[Any, Any]:
         part = real(1.0) / (real(1.0) + layer * layer)
         change = slope - shear
         change -= wp.outer(normal, wp.transpose(change) * normal)
-        return part * along, shear + part * change, bend + part * (q - bend)
+        seen = real(1.0) - part
+        return (
+            part * along,
+            shear + part * change + seen * wp.outer(normal, lift),
+            bend + part * (q - bend) + (seen * hollow) * normal,
+        )
 
     return own_fit, slid
 
@@ -202,6 +209,7 @@ def make_wall_fit(spec: Spec, across: bool = False, followed: bool = False, slid
     half_space = HALF_SPACE[spec.dimension]
     bent = make_bent(spec.dimension, spec.precision, across)
     own_fit, slid = make_sliding(spec.dimension, spec.precision)
+    bent_across = make_bent(spec.dimension, spec.precision, True)
     wetted = make_wetted(spec.precision)
 
     @wp.kernel(module="unique", enable_backward=False, module_options=SWEEP_OPTIONS)
@@ -338,18 +346,22 @@ def make_wall_fit(spec: Spec, across: bool = False, followed: bool = False, slid
                 own_shear = mat()  # of a fit with quadratic terms that does not know the wall, and its velocity at the foot
                 own_bend = vec()
                 own_value = vec(flow)
+                lift, hollow = vec(), real(0.0)
             if trust > real(0.0):
                 reach = real(2.0) * params.h
                 if wp.static(sliding):
                     own_value, own_shear, own_bend = own_fit(
                         flow, shear, bend, bow, mean, square, line_y, line_s, yyyy, yyss, ssss, trust, normal, reach
                     )
+                    over, arch, _ = bent_across(shear, bend, bow, square, line_y, line_s, yyyy, yyss, ssss, normal, reach)
                 shear, bend, _bow = bent(shear, bend, bow, square, line_y, line_s, yyyy, yyss, ssss, normal, reach)
+                if wp.static(sliding):
+                    lift, hollow = trust * (wp.transpose(over - shear) * normal), trust * wp.dot(arch, normal)
             bend = bend * trust
             shear = straight + (shear - straight) * trust
             if wp.static(sliding):
                 if not slips:
-                    along, shear, bend = slid(own_value, own_shear, own_bend, shear, bend, normal, params.h)
+                    along, shear, bend = slid(own_value, own_shear, own_bend, shear, bend, lift, hollow, normal, params.h)
                     own_velocity += along
             if slips:
                 # along a wall without friction the fluid has its own velocity, and no shear stress: (S + S^T) n is along n

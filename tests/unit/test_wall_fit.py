@@ -159,3 +159,20 @@ def test_what_slides_along_a_wall_without_a_layer_keeps_its_divergence(sliding, 
         divergence.append(np.trace(flow @ np.linalg.inv(moment)))
     cosine = (x[row, 0] - center[0]) / distance[row]
     assert least < radius * np.dot(divergence, cosine) / np.dot(cosine, cosine) < most
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.25])
+def test_where_the_shear_grows_along_a_wall_the_velocity_bends_across_it(noise):
+    """u = 4 x y, v = -2 y^2 has no divergence: in a floor too, where v is -2 z^2 and not 0 (theory: delta#layers)."""
+
+    def growing(x):
+        return np.stack([4.0 * x[:, 0] * x[:, 1], -2.0 * x[:, 1] ** 2], axis=1)
+
+    walls = Continued("no_slip", linear_pressure, growing, sliding=True, start={"noise": noise, "seed": 3})
+    x = walls.x[walls.fluids :]
+    floor = (walls.normal[:, 1] > 0.99) & (abs(walls.foot[:, 1]) < 1e-6) & (x[:, 0] > 0.4) & (x[:, 0] < 0.8)
+    assert floor.sum() > 16
+    exact = -2.0 * walls.depth[floor] ** 2
+    scatter = np.linalg.norm(walls.mirrored[floor, 1] - exact) / np.linalg.norm(exact)
+    assert scatter < (0.05 if noise == 0.0 else 0.35)
+    assert np.dot(walls.mirrored[floor, 1], exact) / np.dot(exact, exact) == pytest.approx(1.0, abs=0.1)
