@@ -50,6 +50,8 @@ NEAREST = 0.25  # spacings: fluid nearer than that to the surface counts as at t
 # 10 to 80 spacings apart: all are damped up to 0.02, the longest waves grow from 0.03 on. It lags by 5 dx/U, at Mach 0.1.
 FOLLOW = 0.02
 
+HERE = {"midway": "position"}  # fields of a stage of `make_wall_fit` at the end of a step
+
 
 @functools.cache
 def make_wall_rows() -> Any:
@@ -194,8 +196,8 @@ def make_wall_fit(spec: Spec, across: bool = False, followed: bool = False, slid
 
     across: the velocity bends across the wall too; else q has no part along the normal.
     followed: the slope of the pressure along the normal follows the fit, by the time of one step; else it is that of it.
-    sliding: for a divergence; along walls that the fluid sticks to, through a layer thinner than a fit sees, the velocity is
-        its own.
+    sliding: for a divergence; through a layer thinner than a fit sees the velocity along walls is that of the fluid.
+    Its argument `midway` is where the fluid is at the time of the walls, in the middle of a step or at its end.
     """
     real, vec, mat, pair = types_of(spec)
     Params = make_params(spec.dimension, spec.precision)
@@ -230,6 +232,7 @@ def make_wall_fit(spec: Spec, across: bool = False, followed: bool = False, slid
         fluid_neighbours: wp.array(dtype=wp.int16),
         phase: wp.array(dtype=wp.int8),
         position: wp.array(dtype=vec),
+        midway: wp.array(dtype=vec),
         velocity: wp.array(dtype=vec),
         rest_volume: wp.array(dtype=real),
         state: wp.array(dtype=pair),
@@ -283,7 +286,7 @@ def make_wall_fit(spec: Spec, across: bool = False, followed: bool = False, slid
         while k < end:
             j = neighbour(neighbours, i, k)
             k += step
-            r = -separation(foot, position[j], True, params)
+            r = -separation(foot, midway[j], True, params)
             state_j = state[j]
             w_j = shape(wp.length(r) * params.inv_h) * state_j[1]
             own = int(0)
@@ -313,10 +316,9 @@ def make_wall_fit(spec: Spec, across: bool = False, followed: bool = False, slid
         if weight > real(1.0e-20):
             inv_weight = real(1.0) / weight
             p, mean, square = p * inv_weight, mean * inv_weight, square * inv_weight
-            shear, flow = shear * inv_weight, flow * inv_weight
+            shear, flow, bend, bow = shear * inv_weight, flow * inv_weight, bend * inv_weight, bow * inv_weight
             line_y, line_s = line_y * inv_weight, line_s * inv_weight
             yyyy, yyss, ssss = yyyy * inv_weight, yyss * inv_weight, ssss * inv_weight
-            bend, bow = bend * inv_weight, bow * inv_weight
             spread = square - wp.outer(mean, mean)
             even = real(half_space) * params.h * params.h
             smallest = real(THIN) * even  # of a determinant: the spread is even * THIN at least along each direction

@@ -47,6 +47,7 @@ class Continued:
     def run(self):
         model, spec = self.model, self.model.physics.spec
         fit, values = make_wall_fit(spec, sliding=self.sliding), make_wall_values(spec, sliding=self.sliding)
+        self.particles.put("midway", self.particles.get("position")[: self.fluids])
         for kernel in (make_wall_rows(), fit, values):
             count = model.particles.wall_count
             model.launcher.task("walls", kernel, count, model.stepper.bindings).run()

@@ -16,7 +16,7 @@ from warpsph.kernels.core.spec import Spec
 from warpsph.kernels.core.surface_load import make_surface_load
 from warpsph.kernels.core.time_signals import depends_on_time
 from warpsph.kernels.core.wall import make_wall
-from warpsph.kernels.core.wall_fit import make_wall_fit, make_wall_rows, make_wall_values
+from warpsph.kernels.core.wall_fit import HERE, make_wall_fit, make_wall_rows, make_wall_values
 from warpsph.kernels.isph.body_pressure import make_body_source, make_look_ahead, make_remember_walls
 from warpsph.kernels.isph.diffusion import make_diffusion
 from warpsph.kernels.isph.open_projection import (
@@ -63,7 +63,7 @@ def program(spec: Spec) -> Program:
     if spec.bodies:
         measures["wall_load"] = [
             *signals(spec, ahead=0.0),  # those of the last step are not there right after a restart
-            Stage("wall_fit", make_wall_fit(spec, across=True), "wall", "wall-force gauge: fit of pressure and velocity"),
+            Stage("wall_fit", make_wall_fit(spec, across=True), "wall", "wall-force gauge: fit of the flow", fields=HERE),
             Stage("surface_load", make_surface_load(spec), "wall", "wall-force gauge"),
         ]
         measures["surface_load"] = measures["wall_load"]
@@ -264,7 +264,7 @@ def continued(spec: Spec, field: str) -> list[Stage]:
         return []
     fields = {"velocity": field}
     return [
-        Stage("wall_fit", make_wall_fit(spec, across=True), "wall", "fit of the flow before the bodies", fields=fields),
+        Stage("wall_fit", make_wall_fit(spec, across=True), "wall", "fit of the flow before bodies", fields=HERE | fields),
         Stage("wall_values", make_wall_values(spec), "wall", "the flow continued into the bodies", fields=fields),
     ]
 

@@ -10,7 +10,7 @@ from warpsph.kernels.core.spec import Spec
 from warpsph.kernels.core.surface_load import make_surface_load
 from warpsph.kernels.core.time_signals import depends_on_time
 from warpsph.kernels.core.wall import make_wall
-from warpsph.kernels.core.wall_fit import make_wall_fit, make_wall_rows, make_wall_values
+from warpsph.kernels.core.wall_fit import HERE, make_wall_fit, make_wall_rows, make_wall_values
 
 
 def signals(spec: Spec) -> list[Stage]:
@@ -50,7 +50,7 @@ def walls(spec: Spec, ahead: bool = False, across: bool = False, sliding: bool =
         values = make_wall_values(spec, sliding=sliding)
         return [
             Stage("wall_rows", make_wall_rows(), "wall", "where the list build has put each wall particle"),
-            Stage("wall_fit", fit, "wall", "linear fit of the flow before the walls"),
+            Stage("wall_fit", fit, "wall", "linear fit of the flow before the walls", fields={} if ahead else HERE),
             Stage("wall_values", values, "wall", "pressure and mirrored velocity of the walls"),
         ]
     return [Stage("wall_state", make_wall(spec), "wall", "pressure and mirrored velocity of the walls")]
@@ -60,7 +60,7 @@ def surface_load(spec: Spec) -> list[Stage]:
     """Return the stages that gauges of bodies run: the force on each wall particle, over the surface."""
     # a build of the list may have moved the rows since the fit
     return [
-        Stage("wall_fit", make_wall_fit(spec), "wall", "linear fit of the flow before the walls"),
+        Stage("wall_fit", make_wall_fit(spec), "wall", "linear fit of the flow before the walls", fields=HERE),
         Stage("surface_load", make_surface_load(spec), "wall", "wall-force gauge, over the surface"),
     ]
 
