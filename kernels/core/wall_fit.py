@@ -44,6 +44,7 @@ HALF_SPACE = {1: 0.069, 2: 0.055, 3: 0.044}  # 1/tr(spread^-1) of an even half s
 # it. Two rows have 0.97, a right-angled corner 0.62 (three sides: 0.49); a row that is 0.6 spacings thick 0.27, one row 0.
 THIN, WHOLE = 0.25, 0.45
 THICK = 0.5  # of its slope over h: velocity that the fluid has at a wall by a fit of its own, half way to one it sticks to
+SEEN = 4.0  # a layer so much thicker has half of its bend across the wall: a thinner one is no parabola there either
 MOST_BEND = 0.5  # what the quadratic term may be of the linear one at a support: an unresolved layer is no parabola
 NEAREST = 0.25  # spacings: fluid nearer than that to the surface counts as at that distance, for the slope of its velocity
 # Rate over c/dx at which the slope of the pressure along the normal follows the fit. Eigenvalues of sound between two walls
@@ -130,8 +131,8 @@ def make_sliding(dimension: int, precision: str) -> tuple[Any, Any]:
     own_fit(the sums of `bent` and their means, trust, normal, reach): velocity at the foot less that of the wall, slope and
     bend of a fit that does not know the wall.
     slid(these three, slope and bend of the fit that knows it, lift, hollow, normal, h): what is added to the velocity of the
-    wall, slope and bend. Across the wall all is as the fit has it that knows it, and where it sees the layer it bends there
-    too: by `hollow` along the normal, which changes the slope of that part by `lift`.
+    wall, slope and bend. Across the wall all is as the fit has it that knows it, and where it sees the layer well it bends
+    there too: by `hollow` along the normal, which changes the slope of that part by `lift`.
     """
     real, vec, mat, _ = types(dimension, precision)
     bent = make_bent(dimension, precision, False)
@@ -180,7 +181,8 @@ def make_sliding(dimension: int, precision: str) -> tuple[Any, Any]:
         part = real(1.0) / (real(1.0) + layer * layer)
         change = slope - shear
         change -= wp.outer(normal, wp.transpose(change) * normal)
-        seen = real(1.0) - part
+        thin = (wp.dot(along, along) + real(1.0e-30)) / (real(THICK * THICK) * h * h * wp.dot(rise, rise) + real(1.0e-37))
+        seen = real(1.0) / (real(1.0) + real(wp.static(SEEN**4)) * thin * thin)
         return (
             part * along,
             shear + part * change + seen * wp.outer(normal, lift),
