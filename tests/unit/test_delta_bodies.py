@@ -40,8 +40,13 @@ def test_drag_of_an_array_of_cylinders():
     assert force == pytest.approx(0.9 * DRAG, rel=0.01)
 
 
-def test_fluid_in_a_tank_that_turns_moves_with_it():
-    """A closed round tank turns by 90 degrees and is carried along: rigid motion, and the pressure of it."""
+@pytest.mark.parametrize(("scheme", "most"), [("delta_plus", 0.0007), ("riemann", 0.002)])
+def test_fluid_in_a_tank_that_turns_moves_with_it(scheme, most):
+    """A closed round tank turns by 90 degrees and is carried along: rigid motion, and the pressure of it.
+
+    Nothing drives the water ahead of the tank: where the fit before the continuity sweep has walls in the middle of a step
+    and fluid at its end it is 0.0016, 0.0029 of the wall's speed ahead, else 0.0002, 0.0013 (docs/records/walls.md#gaps).
+    """
     case = Case.from_dict({
         **FULL, **QUIET, "particle_spacing": 1 / 20, "end_time": 0.5,
         "domain": {"lower": [-0.7, -0.7], "upper": [0.9, 0.7], "boundary": {"x": "open", "y": "open"}},
@@ -50,12 +55,16 @@ def test_fluid_in_a_tank_that_turns_moves_with_it():
         "bodies": {"tank": {"shape": {"sphere": {"center": [0, 0], "radius": 0.5}}, "hollow": True,
                             "motion": {"rotation": "pi*t", "translation": ["0.3*t", "0"]}}},
         "start": {"velocity": ["0.3 - pi*y", "pi*x"], "pressure": "0.5*pi**2*(x**2 + y**2)"},
-        "numerics": {"scheme": "delta_plus"},
+        "numerics": {"scheme": scheme},
     })  # fmt: skip
     water = Simulation(case, device="cpu", threads=1).run().state.fluid
     x, y = water.position[:, 0] - 0.15, water.position[:, 1]
     exact = np.stack([0.3 - math.pi * y, math.pi * x], axis=1)
     assert np.linalg.norm(water.velocity - exact, axis=1).mean() < 0.02 * math.pi * 0.5
+    rim = x**2 + y**2 > 0.3**2
+    around = np.stack([-y, x], axis=1)[rim] / np.hypot(x, y)[rim, None]
+    ahead = np.mean(np.sum((water.velocity - exact)[rim] * around, axis=1)) / (math.pi * 0.5)
+    assert abs(ahead) < most
     assert abs(water.pressure - 0.5 * math.pi**2 * (x**2 + y**2)).mean() < 0.1 * 0.5 * math.pi**2 * 0.25
 
 
