@@ -512,8 +512,8 @@ def make_correct(spec: Spec) -> Any:
                     b = j - (particle_count - boundary_volume.shape[0])
                     n = wall_normal[b]
                     fd = (slope(r * params.inv_h) * boundary_volume[b] * params.g_norm) * d
-                    # along the wall as the fluid has it, across it what stops the velocity
                     walls += wp.outer(fd, d)
+                    # along the wall as the fluid has it, across it what stops the velocity
                     shut += wp.outer(fd, d - n * wp.dot(n, d))
                     across = wp.dot(n, added)
                     if wp.static(spec.moving):
