@@ -366,7 +366,7 @@ def make_of_fluid(spec: Spec) -> Any:
 
     `total` is the sum over the fluid neighbours that `gradient` is made of, `walls` that of F x (x) x V over the walls of
     bodies, negative. `gradient` answers what the step adds across a wall, this does not; where pressure balances that, both
-    are equal. Where there is too little fluid for it, it is the lasting gradient itself (theory: isph#bodies).
+    are equal. Where there is too little fluid for it, it is the lasting gradient itself (theory: isph#b1).
     """
     real, vec, mat, _ = types_of(spec)
     smallest = SMALLEST_MOMENT**spec.dimension
