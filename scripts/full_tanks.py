@@ -121,7 +121,6 @@ def run(task: tuple[int, str, list[str]]) -> dict[str, Any]:
 
     case, places, speed = scene(*task)
     model = Simulation(case, device="cpu", threads=1).model
-    model.stepper.prepare(fresh=True)
     n, dx, body, particles = model.particles.fluid_count, case.spacing, Body(case, places), model.particles
     upper = np.array(case.domain.upper, dtype=float)
     fine = [np.arange(dx, extent - dx, 0.25 * dx if case.dimension == 2 else 0.5 * dx) for extent in upper]

@@ -5,6 +5,7 @@ from typing import Any
 
 import warp as wp
 
+from .params import make_params
 from .spec import types
 
 
@@ -33,12 +34,14 @@ def make_load_torque(dimension: int, precision: str) -> Any:
     force at the foot; `twist` has a torque, but is no part of the force.
     """
     real, vec, _, _ = types(dimension, precision)
+    Params = make_params(dimension, precision)
     couple_of = make_couple(dimension, precision)
 
     @wp.kernel(module="unique", enable_backward=False)
     def load_torque(
         first: int,
         fluid_count: int,
+        params: Params,
         position: wp.array(dtype=vec),
         wall_depth: wp.array(dtype=real),
         wall_normal: wp.array(dtype=vec),
@@ -51,6 +54,11 @@ def make_load_torque(dimension: int, precision: str) -> Any:
     ):
         w = wp.tid() + first
         arm = position[w + fluid_count] + wall_normal[w] * wall_depth[w] - pivots[wall_body[w] - 1]
+        for axis in range(wp.static(dimension)):
+            # lists take what is beyond a periodic side to the other one
+            period = params.box[axis]
+            if period > real(0.0):
+                arm[axis] = arm[axis] - period * wp.floor(arm[axis] / period + real(0.5))
         torque[w] = couple_of(arm, load[w] + twist[w]) + couple[w]
 
     return load_torque

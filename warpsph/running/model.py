@@ -140,8 +140,9 @@ class Model:
         """Put the start values into the fields."""
         geometry, particles, case = self.geometry, self.particles, self.case
         nf = geometry.fluid_count
-        particles.put("anchor", geometry.position)
-        particles.put("position", geometry.position)
+        position = geometry.lattice.within(geometry.position, case.periodic)  # bodies may reach beyond a periodic side
+        particles.put("anchor", position)
+        particles.put("position", position)
         particles.put("velocity", np.where((geometry.kind == 1)[:, None], geometry.boundary_velocity, geometry.velocity))
         particles.put("particle_id", np.arange(geometry.count))
         if "phase" in particles.arrays:
@@ -149,7 +150,7 @@ class Model:
         if "wall_body" in particles.arrays:
             particles.put("wall_body", geometry.body[nf:])
         if "wall_depth" in particles.arrays:
-            lattice, wall = geometry.lattice, geometry.position[nf:]
+            lattice, wall = geometry.lattice, position[nf:]
             beyond = np.maximum(np.maximum(np.array(lattice.lower) - wall, wall - np.array(lattice.upper)), 0.0)
             particles.put("wall_depth", np.linalg.norm(beyond, axis=1))
         if "wall_sides" in particles.arrays:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from warpsph.scene.arc import arc_lengths, tangents
+from warpsph.scene.body_surfaces import goes_on
 from warpsph.snapshot import Stations
 
 if TYPE_CHECKING:
@@ -64,6 +65,9 @@ class SurfaceStress:
         foot = np.asarray(self._of_walls("position")[rows], np.float64) + get("arm") @ turn.T
         pressure, friction = get("pressure"), get("friction")
         centre = self.loads.centre(body)
+        lattice = self.geometry.lattice
+        period = np.where(self.case.periodic, np.subtract(lattice.upper, lattice.lower), np.inf)
+        foot -= np.where(np.isfinite(period), period * np.round((foot - centre) / period), 0.0)  # the body in one piece
         along = angle = None
         if order.arc is not None:
             along = np.einsum("ij,ij->i", friction, tangents(normal, order.hollow))
@@ -91,7 +95,9 @@ class SurfaceStress:
             if shape.dimension == 2:
                 lattice = geometry.lattice
                 foot, normal = facets.foot[facet], facets.normal[facet]
-                arc = arc_lengths(shape, foot, normal, spacing, list(lattice.lower), list(lattice.upper))
+                on = goes_on(self.case, self.case.bodies[body], shape, lattice)
+                low, high = np.where(on, -np.inf, lattice.lower), np.where(on, np.inf, lattice.upper)
+                arc = arc_lengths(shape, foot, normal, spacing, low.tolist(), high.tolist())
                 facet, arc = facet[np.argsort(arc, kind="stable")], np.sort(arc)
             self._orders[body] = _Order(facet, facets.owner[facet], arc, shape.hollow)
         return self._orders[body]

@@ -14,7 +14,7 @@ from warpsph.scene.body_sampling import Sampling, layers_of, sample
 from warpsph.scene.fluid_regions import expression_problem
 from warpsph.scene.lattice import Lattice
 from warpsph.scene.roots import Footing, gap_of, joined, rooted
-from warpsph.scene.surfaces import Ball, Hollow, Outline, ShapeError, Surface, box_surface
+from warpsph.scene.surfaces import Ball, Hollow, Outline, Repeated, ShapeError, Surface, box_surface
 from warpsph.scene.thinness import REFUSED, WARNED, ThinPlaces, thin_places
 from warpsph.scene.traced import trace_expression
 
@@ -150,6 +150,31 @@ def with_images(sampling: Sampling, body: Body, case: Case, lattice: Lattice, su
     return sampling
 
 
+def goes_on(case: Case, body: Body, surface: Surface, lattice: Lattice) -> NDArray[np.bool_]:
+    """Along which axes (d,) a body goes on at the other side of the domain: periodic ones that are longer than it is.
+
+    Along a longer one, and what a condition describes, it ends with the domain, whose other side goes on with it.
+    """
+    lower, upper = np.array(lattice.lower), np.array(lattice.upper)
+    period = upper - lower
+    if body.hollow or body.shape.where is not None:
+        return np.zeros(len(period), dtype=np.bool_)
+    start, end = surface.bounds
+    shorter = end - start < period - np.array(lattice.spacing)
+    return np.asarray(case.periodic) & shorter & (start > lower - period) & (end < upper + period)
+
+
+def repeated(surface: Surface, on: NDArray[np.bool_], lattice: Lattice, near: float) -> Surface:
+    """The surface with those of its images along the axes `on` that come nearer than `near`, m, to the domain."""
+    lower, upper = np.array(lattice.lower), np.array(lattice.upper)
+    steps = np.stack(np.meshgrid(*[(0, -1, 1) if axis else (0,) for axis in on], indexing="ij"), axis=-1)
+    shifts = steps.reshape(-1, len(on)) * (upper - lower)
+    start, end = surface.bounds[0] + shifts, surface.bounds[1] + shifts
+    there = np.all((end > lower - near) & (start < upper + near), axis=1)
+    there[0] = True
+    return Repeated(surface, shifts[there]) if there[1:].any() else surface
+
+
 def make_solids(
     case: Case, lattice: Lattice, support: float, problems: list[Problem], warnings: list[str]
 ) -> list[Solid]:
@@ -176,29 +201,34 @@ def make_solids(
             continue
         beside = [surfaces[k] for k in surfaces if k != name and case.bodies[k].motion == body.motion]
         whole = joined(surface, beside, 2.0 * support)
-        sampling = sample(whole, spacing, layers, low.tolist(), high.tolist(), case.scheme.mean_edges)
+        on = goes_on(case, body, surface, lattice)
+        first, last = np.where(on, -np.inf, low).tolist(), np.where(on, np.inf, high).tolist()
+        sampling = sample(whole, spacing, layers, first, last, case.scheme.mean_edges)
         stout = not sampling.sheet.any()
-        if case.scheme.mirrors_sides and (case.has_flow_through or not stout):
-            # a tail that stands on a mirror would need lines of sight to its images; beside inlets bodies are cells
-            stout = False
+        if case.scheme.mirrors_sides and not stout:
+            # a tail that stands on a mirror would need lines of sight to its images
             surface = whole = surface_of(case, body, low, high)
-            sampling = sample(surface, spacing, layers, low.tolist(), high.tolist(), case.scheme.mean_edges)
+            sampling = sample(surface, spacing, layers, first, last, case.scheme.mean_edges)
         if whole is not surface:
             sampling = sampling.only(surface.signed_distance(sampling.position) <= SAME * spacing)
-        inside = np.zeros(sampling.count, dtype=np.bool_)
+        surface = repeated(surface, on, lattice, 2.0 * spacing)
+        inside, places = np.zeros(sampling.count, dtype=np.bool_), lattice.within(sampling.position, on)
         for other in solids:
-            inside |= other.surface.signed_distance(sampling.position) <= SAME * spacing
+            inside |= other.surface.signed_distance(places) <= SAME * spacing
         sampling = sampling.only(~inside)
         distance = _cell_distance(surface, lattice)
         if sampling.count == 0:
             rule = f"holds no particle of its own: it is outside the domain or inside another body (spacing {spacing:g} m)"
+            if any(case.periodic):
+                rule += ", which periodic sides repeat"
             if (distance < 0.0).all():
                 rule = "leaves no room for fluid: it fills the whole domain"
             problems.append(Problem(path, body.shape.kind, rule, "move or enlarge it, or delete it"))
             continue
         filling = sampling.position
         if sampling.sheet.any():
-            filling = layers_of(surface, spacing, layers).position
+            filling = layers_of(surface.shape if isinstance(surface, Repeated) else surface, spacing, layers).position
+        filling = lattice.within(filling, on)
         if case.scheme.mirrors_sides and stout:
             sampling = with_images(sampling, body, case, lattice, support)
         solids.append(Solid(surface, sampling, filling, distance, stout))

@@ -35,6 +35,7 @@ from warpsph.scene.narrow import narrow_places
 from warpsph.scene.rounded_volume import rounded_volumes
 from warpsph.scene.slivers import find_slivers
 from warpsph.scene.start_fluid import automatic_pressure, fluid_particles, start_density, start_pressure, start_velocity
+from warpsph.scene.surfaces import Repeated
 from warpsph.scene.wall_cells import Surroundings, WallCells
 
 if TYPE_CHECKING:
@@ -227,7 +228,7 @@ def build(case: Case, support: float, unlock: float = 0.0, arrange: Arrange | No
         cut=tuple(cut),
         stout=all(solid.stout for solid in walls.solids),
         at_open_side=open_side,
-        shapes=tuple(surfaces),
+        shapes=tuple(found.shape if isinstance(found, Repeated) else found for found in surfaces),
         surface=surface,
         lattice=lattice,
         arrangement=arrangement,

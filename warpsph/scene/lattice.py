@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -62,6 +62,12 @@ class Lattice:
         """Index of the domain's cells in an array of `shape`."""
         starts = (before for before, _ in self.layers)
         return tuple(slice(start, start + n) for start, n in zip(starts, self.count, strict=True))
+
+    def within(self, points: NDArray[np.float64], periodic: Any) -> NDArray[np.float64]:
+        """Points (n, d), m, those beyond the domain along axes that are `periodic` (d,) where they come in again."""
+        lower, upper = np.array(self.lower), np.array(self.upper)
+        periods = np.floor((points - lower) / (upper - lower)) * np.asarray(periodic)
+        return np.asarray(points - periods * (upper - lower))
 
     def axis(self, axis: int) -> NDArray[np.float64]:
         """Coordinates of the cell centres along one axis, layers included, m; ascending."""

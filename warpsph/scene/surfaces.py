@@ -322,6 +322,35 @@ class Hollow(Surface):
         return middle, -normal, extent
 
 
+class Repeated(Surface):
+    """A body that periodic sides repeat: with it those of its images that reach into the domain.
+
+    shape: the body
+    shifts: (m, d), where its images are, m; the first is the body itself, 0
+    """
+
+    def __init__(self, shape: Surface, shifts: NDArray[np.float64]) -> None:
+        self.shape, self.shifts = shape, shifts
+        self.bounds = np.stack([shape.bounds[0] + shifts.min(axis=0), shape.bounds[1] + shifts.max(axis=0)])
+        self.measure = shape.measure
+        self.extent = shape.extent
+
+    def signed_distance(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """See `Surface.signed_distance`."""
+        return np.min([self.shape.signed_distance(points - shift) for shift in self.shifts], axis=0)
+
+    def closest(self, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """See `Surface.closest`."""
+        nearest = np.argmin([np.abs(self.shape.signed_distance(points - shift)) for shift in self.shifts], axis=0)
+        shift = self.shifts[nearest]
+        foot, normal = self.shape.closest(points - shift)
+        return foot + shift, normal
+
+    def patches(self, size: float) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+        """See `Surface.patches`: those of the body itself."""
+        return self.shape.patches(size)
+
+
 def box_surface(lower: Sequence[float], upper: Sequence[float]) -> Surface:
     """The surface of an axis-parallel box in 2-D or 3-D.
 

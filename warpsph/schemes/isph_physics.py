@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from warpsph.case.gauge_models import LOAD_GAUGES
-from warpsph.errors import MISSING, CaseError, Problem
+from warpsph.errors import CaseError, Problem
 from warpsph.kernels.core.smoothing import KERNELS, make_smoothing
 from warpsph.kernels.core.spec import Spec
 from warpsph.kernels.isph.projection import FILLED
@@ -124,12 +124,9 @@ def _slides(case: Case) -> bool:
     return any(end.kind == "wall" and end.wall == "free_slip" for axis in case.sides for end in (axis.lower, axis.upper))
 
 
-def _no_loads(case: Case, gradient: str) -> tuple[str, str]:
+def _no_loads(gradient: str) -> tuple[str, str]:
     """Return rule and remedy for gauges of forces on bodies that mirror the fluid cell by cell, and so bear no load."""
     other = "write numerics: {scheme: riemann} or {scheme: delta_plus}, or delete the gauge"
-    if case.has_flow_through:
-        rule = "cannot be measured between inlets and outlets with scheme: isph, where bodies are mirrors that bear no load"
-        return rule, f"{other}; with periodic sides and a body_force isph measures it"
     if gradient != "corrected":
         rule = f"cannot be measured with scheme: isph and pressure_gradient: {gradient}"
         return rule, f"write numerics.pressure_gradient: corrected, or {other.removeprefix('write ')}"
@@ -137,11 +134,11 @@ def _no_loads(case: Case, gradient: str) -> tuple[str, str]:
     return rule, f"lower particle_spacing until the thinnest body has four, or {other.removeprefix('write ')}"
 
 
-def _check_open(case: Case, geometry: Geometry, filled: bool, gradient: str) -> None:
+def _check_open(case: Case, filled: bool, gradient: str) -> None:
     """Refuse what inlets and outlets do not go with. Raises CaseError.
 
-    These are a free surface, bodies that cut cells or move, and the conservative gradient, which throws particles about
-    where rows come in beside a disordered fluid.
+    These are a free surface, and the conservative gradient, which throws particles about where rows come in beside a
+    disordered fluid.
     """
     if not case.has_flow_through:
         return
@@ -150,13 +147,6 @@ def _check_open(case: Case, geometry: Geometry, filled: bool, gradient: str) -> 
         rule = "makes a flow through inlets and outlets unstable"
         problems.append(Problem("numerics.pressure_gradient", gradient, rule, "write pressure_gradient: corrected"))
     problems += room_left(case, filled)
-    for name, body in case.bodies.items():
-        if body.motion is not None:
-            problems.append(Problem(f"bodies.{name}.motion", MISSING, "does not go with inlets and outlets", "delete it"))
-        if name in geometry.cut:
-            rule = "cuts cells of the lattice, which does not go with inlets and outlets"
-            remedy = "use a box whose faces lie between particles, or periodic sides and a body_force"
-            problems.append(Problem(f"bodies.{name}.shape", body.shape.kind, rule, remedy))
     if problems:
         raise CaseError(problems)
 
@@ -180,7 +170,7 @@ def derive(case: Case, geometry: Geometry, row_list: bool) -> Physics:
         return choices[key]
 
     gradient = choose("pressure_gradient", "conservative" if paper else "corrected", "exact for a linear pressure")
-    _check_open(case, geometry, filled, str(gradient))
+    _check_open(case, filled, str(gradient))
     form = choose("viscosity_form", "morris" if paper or filled else "isotropic", "right damping at a free surface")
     choose("smoothing_ratio", smoothing_ratio(case), "least noise")
     shifting = choose("shifting", PRINTED_SHIFT if paper else SHIFTING, "keeps the particles evenly spaced")
@@ -235,7 +225,7 @@ def derive(case: Case, geometry: Geometry, row_list: bool) -> Physics:
     fitted = geometry.surface is not None and gradient == "corrected" and geometry.stout
     bodies = fitted or bool(geometry.cut) or bool(forcing.tracks)
     if not bodies:
-        rule, remedy = _no_loads(case, str(gradient))
+        rule, remedy = _no_loads(str(gradient))
         problems = [
             Problem(f"gauges.{name}.type", gauge.type, rule, remedy)
             for name, gauge in case.gauges.items() if gauge.type in LOAD_GAUGES and case.bodies

@@ -103,6 +103,7 @@ def _met(case: Case, geometry: Geometry, wall_velocity: np.ndarray) -> float:
         walls, surface = ~fluid, geometry.surface
         first = surface.area != 0
         foot = (geometry.position[walls] + surface.depth[:, None] * surface.normal)[first]
+        foot = geometry.lattice.within(foot, case.periodic)
         distance, there = cKDTree(position).query(foot, distance_upper_bound=near)
         beside = np.isfinite(distance)
         moved = velocity[there[beside]] - wall_velocity[first][beside]

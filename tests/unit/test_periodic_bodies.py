@@ -1,0 +1,158 @@
+"""Bodies across periodic sides go on at the other side: where a body stands in a period changes nothing."""
+
+import numpy as np
+import pytest
+from scipy.spatial import cKDTree
+
+from warpsph.case.case import Case
+from warpsph.errors import CaseError
+from warpsph.running.model import Model
+from warpsph.scene.surfaces import Ball, Repeated
+
+DISC = {"sphere": {"center": [0.5, 0.5], "radius": 0.25}}
+
+
+def box(shape, scheme="riemann", dimension=2, **more):
+    """A periodic box of 12 spacings that a body force drives fluid through, past one body."""
+    corners = {"lower": [0] * dimension, "upper": [1] * dimension}
+    data = {
+        "dimension": dimension,
+        "particle_spacing": 1 / 12,
+        "end_time": 1.0,
+        "domain": {**corners, "boundary": dict.fromkeys("xyz"[:dimension], "periodic")},
+        "phases": {"water": {"density": 1.0, "viscosity": 0.1}},
+        "scales": {"velocity": 1.0},
+        "body_force": [0.1, 0.05, 0.02][:dimension],
+        "fluids": [{"phase": "water", "shape": "rest"}],
+        "bodies": {"body": {"shape": shape}},
+        "numerics": {"scheme": scheme},
+    }
+    return Case.from_dict(data | more)
+
+
+def moved(shape, way):
+    """A shape elsewhere."""
+    (kind, keys), result = next(iter(shape.items())), {}
+    for key, value in keys.items():
+        if key in ("center", "lower", "upper"):
+            value = [x + y for x, y in zip(value, way, strict=True)]
+        if key == "points":
+            value = [[x + y for x, y in zip(point, way, strict=True)] for point in value]
+        result[key] = value
+    return {kind: result}
+
+
+def prepared(case, threads=1):
+    model = Model(case, threads=threads)
+    model.stepper.prepare(fresh=True)
+    return model
+
+
+def apart(points, others):
+    """How far each of `others` is from the nearest point of a periodic unit box."""
+    return cKDTree(points % 1.0, boxsize=1.0).query(others % 1.0)[0]
+
+
+SHAPES = {
+    "disc": DISC,
+    "box": {"box": {"lower": [0.26, 0.3], "upper": [0.74, 0.7]}},
+    "diamond": {"polygon": {"points": [[0.2, 0.5], [0.5, 0.2], [0.8, 0.5], [0.5, 0.8]]}},
+}
+
+
+@pytest.mark.parametrize("way", [(0.5, 0.0), (0.0, -0.5), (0.5, 0.5), (-0.5, 0.25)])
+@pytest.mark.parametrize("kind", SHAPES)
+def test_particles_are_those_of_a_body_in_the_middle(kind, way):
+    """Fluid, boundary particles and what the surface is to them, moved along by whole spacings."""
+    here, there = Model(box(SHAPES[kind]), threads=1), Model(box(moved(SHAPES[kind], way)), threads=1)
+    assert there.particles.fluid_count == here.particles.fluid_count
+    assert there.particles.wall_count == here.particles.wall_count
+    count, dx = here.particles.fluid_count, 1 / 12
+    first, second = (m.particles.get("position").astype(float) for m in (here, there))
+    assert second.min() >= 0.0 and second.max() <= 1.0
+    assert apart(second[count:], first[count:] + way).max() < 1e-5
+    # the fluid is arranged anew: it has neither holes nor crowds, and is as far from the surface as that of the first
+    for places in (first + way, second):
+        fluid, walls = places[:count] % 1.0, places[count:] % 1.0
+        assert cKDTree(fluid, boxsize=1.0).query(fluid, k=2)[0][:, 1].min() > 0.7 * dx
+        assert apart(walls, fluid).min() > 0.7 * dx
+        grid = np.stack(np.meshgrid(*[np.arange(0.01, 1, 0.02)] * 2), axis=-1).reshape(-1, 2)
+        assert apart(places, grid[apart(second[count:], grid) > dx]).max() < 0.95 * dx
+    for name in ("area", "volume", "depth"):
+        was, now = (np.sort(getattr(m.geometry.surface, name)) for m in (here, there))
+        np.testing.assert_allclose(now, was, rtol=1e-9, atol=1e-12)
+    assert np.linalg.norm(there.geometry.surface.normal, axis=1) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("scheme", ["riemann", "delta_plus", "isph"])
+def test_flow_past_a_body_at_a_corner(scheme, device):
+    """Velocity and force are those of the body in the middle; cut off at the sides a quarter of it was there."""
+    speeds, forces = [], []
+    for way in ((0.0, 0.0), (0.5, 0.5), (-0.5, 0.5)):
+        model = Model(box(moved(DISC, way), scheme), device=device, threads=1)
+        model.stepper.prepare(fresh=True)
+        model.stepper.run(0.2, 10**6)
+        speeds.append(model.snapshot().fluid.velocity.mean(axis=0))
+        load = model.wall_forces()
+        forces.append([load["wall_force_x body"], load["wall_force_y body"]])
+    np.testing.assert_allclose(speeds[1:], [speeds[0]] * 2, rtol=2e-3)
+    np.testing.assert_allclose(forces[1:], [forces[0]] * 2, rtol=5e-3)
+
+
+@pytest.mark.parametrize("scheme", ["riemann", "delta_plus", "isph"])
+def test_torque_and_stations_are_those_of_one_piece(scheme):
+    """A disc that turns: its torque has the arm of its own centre, and the angles of its stations go around that."""
+    torques = []
+    for center in ([0.5, 0.5], [0.0, 1.0]):
+        shape = {"sphere": {"center": center, "radius": 0.25}}
+        bodies = {"body": {"shape": shape, "motion": {"rotation": "t - tanh(t)", "pivot": center}}}
+        model = prepared(box(shape, scheme, bodies=bodies))
+        model.stepper.run(0.3, 10**6)
+        torques.append(model.wall_forces()["wall_torque_z body"])
+        stations = model.surface_stress("body")
+        way = stations.position - center
+        np.testing.assert_allclose(np.linalg.norm(way, axis=1), 0.25, atol=1e-5)
+        np.testing.assert_allclose(stations.angle, np.arctan2(way[:, 1], way[:, 0]) % (2 * np.pi), atol=0.01)
+        assert len(stations.arc) > 10 and stations.area.sum() == pytest.approx(0.5 * np.pi, rel=0.02)
+    assert abs(torques[0]) > 1e-4 and torques[1] == pytest.approx(torques[0], rel=0.01)
+
+
+def test_a_floor_longer_than_a_period_ends_with_the_domain():
+    floor = {"box": {"lower": [-1, -0.2], "upper": [2, 0.25]}}
+    case = box(floor, domain={"lower": [0, 0], "upper": [1, 1], "boundary": {"x": "periodic", "y": "free_slip"}})
+    model = Model(case, threads=1)
+    count = model.particles.fluid_count
+    assert count == 12 * 9
+    walls = model.particles.get("position")[count:]
+    own = walls[(walls[:, 1] > 0) & (walls[:, 1] < 0.25)]
+    assert len(own) == 12 * 3 and len(np.unique(np.round(own, 4), axis=0)) == len(own)
+
+
+def test_an_image_that_the_case_names_itself_is_told_of():
+    second = {"shape": moved(DISC, (0.5, 0.0))}
+    with pytest.raises(CaseError, match=r"bodies\.again.*periodic sides repeat"):
+        Model(box(DISC, bodies={"body": {"shape": moved(DISC, (-0.5, 0.0))}, "again": second}), threads=1)
+
+
+@pytest.mark.parametrize("scheme", ["riemann", "delta_plus", "isph"])
+def test_a_sphere_at_a_corner_in_3d(scheme):
+    ball = {"sphere": {"center": [0.5] * 3, "radius": 0.3}}
+    speeds = []
+    for way in ((0, 0, 0), (0.5, 0.5, 0.5)):
+        model = prepared(box(moved(ball, way), scheme, 3, particle_spacing=1 / 10))
+        model.stepper.run(1e9, 10)
+        assert model.leaks()[0] == {"water": 0}
+        speeds.append((model.particles.fluid_count, *model.snapshot().fluid.velocity.mean(axis=0)))
+    np.testing.assert_allclose(speeds[1], speeds[0], rtol=5e-3)  # the disorder of the start is another one
+
+
+def test_distances_of_a_repeated_surface():
+    """At a corner of a unit square the nearest of four discs counts."""
+    shifts = np.array([[0, 0], [1, 0], [0, 1], [1, 1]], dtype=float)
+    disc = Repeated(Ball([0.0, 0.0], 0.25), shifts)
+    points = np.array([[0.1, 0.0], [0.9, 0.0], [0.05, 0.9], [0.8, 0.8], [0.5, 0.5]])
+    near = np.linalg.norm(points[:, None] - shifts, axis=2).min(axis=1)
+    np.testing.assert_allclose(disc.signed_distance(points), near - 0.25, atol=1e-12)
+    foot, normal = disc.closest(points)
+    np.testing.assert_allclose(foot + (near - 0.25)[:, None] * normal, points, atol=1e-12)
+    np.testing.assert_allclose(disc.bounds, [[-0.25, -0.25], [1.25, 1.25]])
