@@ -1,5 +1,7 @@
 """Inlets and outlets: what goes in and out, what arrives at a side and what comes back from it."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 import warp as wp
@@ -14,7 +16,7 @@ from warpsph.kernels.core.eos import make_eos
 from warpsph.kernels.core.fields import BUFFER, FLUID
 from warpsph.kernels.core.open_flow import make_excess, make_sponge
 from warpsph.kernels.core.side_fit import LEAST_PIVOT, make_solve
-from warpsph.measure.flow_gauges import turns
+from warpsph.measure.flow_gauges import ReattachmentGauge, turns
 from warpsph.measure.totals import Motion
 from warpsph.running.model import Model
 from warpsph.scene.open_faces import buffer_layers, make_faces, signal_samples
@@ -110,6 +112,21 @@ def test_layers_reach_a_support_however_late_a_list_is_made():
 def test_changes_of_sign_along_a_line():
     """Linear between points, from negative to positive alone."""
     np.testing.assert_allclose(turns(np.arange(5.0), np.array([1.0, -1.0, 3.0, -2.0, 2.0])), [1.25, 3.5])
+
+
+def test_where_a_flow_comes_back_to_a_wall():
+    """u = (x - 1.7) y + 3 y^2 turns at x = 1.7 - 3 y on a line at y, and its shear at the wall at 1.7."""
+    for wall, place in ((None, 1.7 - 3 * 0.05), ([7, 0], 1.7)):
+        gauge = {"type": "reattachment", "from": [0, 0.05], "to": [3, 0.05], "count": 31, "interval": 1}
+        case = scene(THROUGH, gauges={"eddy": gauge | ({} if wall is None else {"wall": wall})})
+        found = ReattachmentGauge("eddy", case.gauges["eddy"], case)
+        x, y = found.points.T
+        velocity = np.stack([(x - 1.7) * y + 3 * y**2, 0 * x], axis=1)
+        (row,) = found.rows(SimpleNamespace(samples={"eddy": {"velocity": velocity}}))
+        assert np.isnan(row[0]) and row[1] == pytest.approx(place, abs=1e-9)
+    for wall, rule in (([1, 0.05], "lies on the line itself"), ([1], "2 numbers|needs 2|has 1")):
+        with pytest.raises(CaseError, match=rf"gauges\.eddy\.wall.*({rule})"):
+            scene(THROUGH, gauges={"eddy": gauge | {"wall": wall}})
 
 
 # what arrives at a side ----------------------------------------------------------------------------------------

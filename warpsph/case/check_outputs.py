@@ -110,7 +110,18 @@ def _check_gauge(case: Any, name: Any, gauge: Any) -> Problems:
             yield Problem(
                 f"{path}.to", list(gauge.to), "is the same point as from", "use a gauge of type points"
             )
+        elif gauge.type == "reattachment" and gauge.wall is not None:
+            yield from guarded(_check_wall(case, path, gauge))
         yield from check_interface_fields(case, f"{path}.fields", gauge.fields)
+
+
+def _check_wall(case: Any, path: str, gauge: Any) -> Problems:
+    """A point off the line, for the line has to run beside the wall."""
+    yield from check_length(case.dimension, f"{path}.wall", gauge.wall)
+    way, off = np.subtract(gauge.to, gauge.from_), np.subtract(gauge.from_, gauge.wall)
+    if np.linalg.norm(off - way * (off @ way) / (way @ way)) < 1e-6 * case.spacing:
+        rule = "lies on the line itself, which has to run a little off the wall"
+        yield Problem(f"{path}.wall", list(gauge.wall), rule, "move from and to half a spacing or a spacing into the fluid")
 
 
 def _check_budget(case: Any, path: str, gauge: Any) -> Problems:

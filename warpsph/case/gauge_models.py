@@ -283,6 +283,13 @@ class ReattachmentGauge(GaugeModel):
     count: Annotated[int, NumberRule(least=2, most=1_000_000, integer=True)] = Field(
         description="number of points, both ends included", examples=["201"]
     )
+    wall: Vector | None = Field(
+        default=None,
+        description="any point of the wall, at rest and along the line, that the flow sticks to, m: what counts is the sign of "
+        "the shear at it, of a parabola through the velocity there, on the line and twice as far off (default: the sign of "
+        "the velocity on the line)",
+        examples=["[0, 0]"],
+    )
 
     @property
     def fields(self) -> tuple[str, ...]:

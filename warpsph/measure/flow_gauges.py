@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from typing import Any
 
 import numpy as np
@@ -30,18 +31,33 @@ class ReattachmentGauge(LineGauge):
     `separation` is the first place where the velocity turns from forward to backward, `reattachment` the last one where it
     turns from backward to forward, as distances from the first point of the line, between two points by interpolation; nan
     if there is none. Forward is from the first point to the last.
+
+    With `wall`, delta off the line, the sign is that of the shear at the wall, (4 u(delta) - u(2 delta))/(2 delta) of the
+    parabola through both velocities and 0: on the line itself a flow that comes back to the wall turns earlier.
     """
 
     def __init__(self, name: str, spec: Any, case: Any) -> None:
         super().__init__(name, spec, case)
         self.needs = Needs.of(samples=self.fields)
 
+    @functools.cached_property
+    def points(self) -> np.ndarray:
+        """The points of the line, with `wall` then those twice as far off it, m."""
+        line = super().points
+        if self.spec.wall is None:
+            return line
+        way, off = line[-1] - line[0], line[0] - np.asarray(self.spec.wall, np.float64)
+        return np.concatenate([line, line + (off - way * (off @ way) / (way @ way))])
+
     def rows(self, snapshot: Snapshot) -> np.ndarray:
-        way = self.points[-1] - self.points[0]
+        count = self.spec.count
+        way = self.points[count - 1] - self.points[0]
         length = float(np.linalg.norm(way))
         velocity = np.asarray(snapshot.samples[self.name]["velocity"], np.float64)
         along = velocity @ (way / length)
-        place = np.linspace(0.0, length, len(along))
+        if self.spec.wall is not None:
+            along = 4.0 * along[:count] - along[count:]
+        place = np.linspace(0.0, length, count)
         return np.array([[_first(turns(place, -along)), _last(turns(place, along))]])
 
 
