@@ -93,6 +93,7 @@ BLOCK, PLATE = ({"lower": [0.375, 0.375], "upper": [right, 0.625]} for right in 
 @pytest.mark.parametrize(
     ("holds", "box", "numerics", "rule", "remedy"),
     [
+        ("body in a stream", BLOCK, {}, "between inlets and outlets", "a tenth of a spacing"),
         ("body", BLOCK, {"pressure_gradient": "conservative"}, "pressure_gradient: conservative", "corrected"),
         ("body", PLATE, {}, "thinner than four spacings", "lower particle_spacing"),
     ],

@@ -19,7 +19,7 @@ from warpsph.scene.thinness import REFUSED, WARNED, ThinPlaces, thin_places
 from warpsph.scene.traced import trace_expression
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Sequence
 
     from numpy.typing import NDArray
 
@@ -44,8 +44,8 @@ class Solid:
     filling: (m, d), particles that fill its layers once, m: fluid is arranged beside them
     distance: of the middle of each cell of the lattice from the surface, m, negative in the body; infinite two spacings and
         more beyond the box around the shape
-    stout: it has no thin tail, nor would have one if it went on into the wall that it ends on,
-        and the scheme has no mirrors beside inlets
+    stout: it has no thin tail, nor would have one if it went on into the wall that it ends on, and is no mirror of cells
+        between inlets
     """
 
     surface: Surface
@@ -56,7 +56,11 @@ class Solid:
 
     def on_lattice(self, spacing: float) -> bool:
         """Whether the surface runs between cells of the lattice wherever it is."""
-        return not bool((np.abs(self.distance) < (0.5 - OFF_LATTICE) * spacing).any())
+        return _on_lattice(self.distance, spacing)
+
+
+def _on_lattice(distance: NDArray[np.float64], spacing: float) -> bool:
+    return not bool((np.abs(distance) < (0.5 - OFF_LATTICE) * spacing).any())
 
 
 def surface_of(
@@ -164,6 +168,12 @@ def goes_on(case: Case, body: Body, surface: Surface, lattice: Lattice) -> NDArr
     return np.asarray(case.periodic) & shorter & (start > lower - period) & (end < upper + period)
 
 
+def of_cells(case: Case, surfaces: Iterable[Surface], lattice: Lattice) -> bool:
+    """Whether no body of a case moves or cuts cells of the lattice."""
+    still = all(body.motion is None for body in case.bodies.values())
+    return still and all(_on_lattice(_cell_distance(surface, lattice), case.spacing) for surface in surfaces)
+
+
 def repeated(surface: Surface, on: NDArray[np.bool_], lattice: Lattice, near: float) -> Surface:
     """The surface with those of its images along the axes `on` that come nearer than `near`, m, to the domain."""
     lower, upper = np.array(lattice.lower), np.array(lattice.upper)
@@ -193,6 +203,7 @@ def make_solids(
     low, high = np.array(lattice.lower) - beyond[:, 0], np.array(lattice.upper) + beyond[:, 1]
     solids: list[Solid] = []
     surfaces = _surfaces(case, lattice, support, low, high, problems, warnings)
+    cells = case.scheme.mirrors_sides and case.has_flow_through and of_cells(case, surfaces.values(), lattice)
     for name, surface in surfaces.items():
         path, body = f"bodies.{name}.shape", case.bodies[name]
         thin = _too_thin(path, body, thin_places(surface, spacing, layers), spacing, warnings)
@@ -205,8 +216,9 @@ def make_solids(
         first, last = np.where(on, -np.inf, low).tolist(), np.where(on, np.inf, high).tolist()
         sampling = sample(whole, spacing, layers, first, last, case.scheme.mean_edges)
         stout = not sampling.sheet.any()
-        if case.scheme.mirrors_sides and not stout:
+        if case.scheme.mirrors_sides and (cells or not stout):
             # a tail that stands on a mirror would need lines of sight to its images
+            stout = False
             surface = whole = surface_of(case, body, low, high)
             sampling = sample(surface, spacing, layers, first, last, case.scheme.mean_edges)
         if whole is not surface:

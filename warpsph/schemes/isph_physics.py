@@ -124,9 +124,12 @@ def _slides(case: Case) -> bool:
     return any(end.kind == "wall" and end.wall == "free_slip" for axis in case.sides for end in (axis.lower, axis.upper))
 
 
-def _no_loads(gradient: str) -> tuple[str, str]:
+def _no_loads(case: Case, gradient: str) -> tuple[str, str]:
     """Return rule and remedy for gauges of forces on bodies that mirror the fluid cell by cell, and so bear no load."""
     other = "write numerics: {scheme: riemann} or {scheme: delta_plus}, or delete the gauge"
+    if case.has_flow_through:
+        rule = "cannot be measured between inlets and outlets with scheme: isph where all bodies are of whole cells: mirrors"
+        return rule, f"move a body by a tenth of a spacing, or {other.removeprefix('write ')}"
     if gradient != "corrected":
         rule = f"cannot be measured with scheme: isph and pressure_gradient: {gradient}"
         return rule, f"write numerics.pressure_gradient: corrected, or {other.removeprefix('write ')}"
@@ -221,11 +224,12 @@ def derive(case: Case, geometry: Geometry, row_list: bool) -> Physics:
     implicit = choose("implicit_viscosity", viscous and not paper and WORTH * explicit < longest, reason)
     implicit = viscous and bool(implicit)
     # Of whole cells and at rest they can mirror the fluid cell by cell. That is for the conservative gradient, which has no
-    # other pressure of theirs, and for thin ones, beside which the fit leaks.
+    # other pressure of theirs, for thin ones, beside which the fit leaks, and between inlets, where the flow past sharp
+    # edges is steadier with it.
     fitted = geometry.surface is not None and gradient == "corrected" and geometry.stout
     bodies = fitted or bool(geometry.cut) or bool(forcing.tracks)
     if not bodies:
-        rule, remedy = _no_loads(str(gradient))
+        rule, remedy = _no_loads(case, str(gradient))
         problems = [
             Problem(f"gauges.{name}.type", gauge.type, rule, remedy)
             for name, gauge in case.gauges.items() if gauge.type in LOAD_GAUGES and case.bodies
