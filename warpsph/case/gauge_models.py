@@ -286,8 +286,8 @@ class ReattachmentGauge(GaugeModel):
     wall: Vector | None = Field(
         default=None,
         description="any point of the wall along the line, at rest, that the flow sticks to, m: what counts is the sign of "
-        "the shear at it, of a parabola through the velocity there, on the line and twice as far off (default: the sign of the "
-        "velocity on the line)",
+        "the shear at it, of a parabola through the velocity there, on the line and twice as far off (default: the sign of "
+        "the velocity on the line)",
         examples=["[0, 0]"],
     )
 
