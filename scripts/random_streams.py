@@ -17,12 +17,11 @@ in, or is off by more than 3 % in volume.
 
 from __future__ import annotations
 
-import dataclasses
 import math
 import random
 import sys
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -56,8 +55,7 @@ def shape_of(kind: str, center: list[float], length: float, floor: float) -> dic
     return {"box": {"lower": lower, "upper": upper}}
 
 
-@dataclasses.dataclass(frozen=True)
-class Motion:
+class Motion(NamedTuple):
     """The first body turns about `center` [m] at up to `turn` [rad/s], or sways across the stream by `sway` [m].
 
     rate: 1/s.
