@@ -118,6 +118,23 @@ def test_torque_and_stations_are_those_of_one_piece(scheme):
     assert abs(torques[0]) > 1e-4 and torques[1] == pytest.approx(torques[0], rel=0.01)
 
 
+def test_a_disc_that_crosses_a_side_keeps_its_torque():
+    """It goes through a channel and turns; its own particles are on both sides of the domain between 2.4 and 3.5 s."""
+    sides = {"lower": [0, 0], "upper": [1.5, 1], "boundary": {"x": "periodic", "y": "wall"}}
+    shape = {"sphere": {"center": [0.4, 0.5], "radius": 0.2}}
+    motion = {"translation": ["0.5*(t - tanh(t))", 0], "rotation": "t - tanh(t)", "pivot": [0.4, 0.5]}
+    bodies = {"body": {"shape": shape, "motion": motion}}
+    model = prepared(box(shape, "isph", domain=sides, body_force=[0, 0], bodies=bodies, end_time=4.0))
+    torques = []
+    for time in (2.2, 2.8, 3.2, 3.8):
+        model.stepper.run(time, 10**6)
+        load = model.wall_forces()
+        torques.append(load["wall_torque_z body"])
+        assert load["wall_centre_x body"] == pytest.approx(0.4 + 0.5 * (time - np.tanh(time)), abs=0.01)
+    assert torques[0] < -0.03 and torques == pytest.approx([np.mean(torques)] * 4, rel=0.05)
+    assert model.leaks()[0] == {"water": 0}
+
+
 def test_a_floor_longer_than_a_period_ends_with_the_domain():
     floor = {"box": {"lower": [-0.5, -0.2], "upper": [1.5, 0.25]}}
     case = box(floor, domain={"lower": [0, 0], "upper": [1, 1], "boundary": {"x": "periodic", "y": "free_slip"}})
