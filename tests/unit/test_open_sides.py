@@ -114,6 +114,15 @@ def test_changes_of_sign_along_a_line():
     np.testing.assert_allclose(turns(np.arange(5.0), np.array([1.0, -1.0, 3.0, -2.0, 2.0])), [1.25, 3.5])
 
 
+def test_a_start_is_prepared_once():
+    """A second time filled the buffers again, beyond the arrays."""
+    model = prepared(scene(THROUGH), "cpu")
+    count = model.particles.fluid_count
+    with pytest.raises(RuntimeError, match="prepared already"):
+        model.stepper.prepare(fresh=True)
+    assert model.particles.fluid_count == count
+
+
 def test_where_a_flow_comes_back_to_a_wall():
     """u = (x - 1.7) y + 3 y^2 turns at x = 1.7 - 3 y on a line at y, and its shear at the wall at 1.7."""
     for wall, place in ((None, 1.7 - 3 * 0.05), ([7, 0], 1.7)):

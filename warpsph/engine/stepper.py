@@ -61,6 +61,7 @@ class Stepper:
         self.launcher = levels[0].launcher
         self.nodes, self.start_nodes, self.first_nodes, self.changes = Bound(self), Bound(self), Bound(self), Bound(self)
         self.births: dict[str, Bound] = {}
+        self._started = False
         self._bind()
 
     # what a uniform run has one of -----------------------------------------------------------------------------------
@@ -238,8 +239,13 @@ class Stepper:
         Args:
             fresh: False after a restart, where what they find is part of the saved state. The list of the last build is
                 built again: a step may begin with it, and gauges and outputs right after the restart look at it.
+
+        Raises RuntimeError for a second fresh start where particles come and go: it would fill the buffers again.
         """
         if fresh:
+            if self.program.changes and self._started:
+                raise RuntimeError("the start is prepared already: inlets and outlets have their particles")
+            self._started = True
             self.start_nodes.run()
             self._maxima_to_clock()
         else:
