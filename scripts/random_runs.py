@@ -10,6 +10,7 @@ from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import Any
 
+from warpsph.errors import CaseError
 from warpsph.study.provenance import provenance
 
 SCHEMES = ("riemann", "isph", "delta_plus")
@@ -34,6 +35,28 @@ def options_of(parser: argparse.ArgumentParser) -> argparse.Namespace:
     if options.json and not options.json.absolute().parent.is_dir():
         parser.error(f"--json {options.json}: its folder does not exist")
     return options
+
+
+def run_changed(
+    text: str | None,
+    scene: Callable[[int, str, list[str]], Any],
+    run: Callable[[tuple[int, str, Any]], dict[str, Any]],
+    missed: Callable[[dict[str, Any]], bool],
+    shown: Callable[[dict[str, Any]], str],
+) -> int:
+    """Be the main function of a script with a docstring `text` whose scenes have keys changed by `--set`; see `run_all`.
+
+    scene: (seed, scheme, changes) -> what a run makes of it; of the first in each scheme wrong changes are told.
+    """
+    parser = parser_of(text, first=0)
+    parser.add_argument("--set", action="append", default=[], dest="changes", metavar="KEY=VALUE", help="a key of all cases")
+    options = options_of(parser)
+    for scheme in options.schemes:
+        try:
+            scene(options.first, scheme, options.changes)
+        except CaseError as error:
+            parser.error(f"--set in {scheme}: {error}")
+    return run_all(options, options.changes, run, missed, shown)
 
 
 def run_all(

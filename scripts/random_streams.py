@@ -28,15 +28,13 @@ from scipy.spatial import cKDTree
 
 from warpsph.case.case import Case
 from warpsph.case.case_file import load_case
-from warpsph.errors import CaseError
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))  # when imported instead of run
 
-from random_runs import options_of, parser_of, run_all  # noqa: E402
+from full_tanks import HOLE, LET_IN  # noqa: E402
+from random_runs import run_changed  # noqa: E402
 
 SAMPLES, END = 10, 9.0  # times of a run that are judged; when it ends, in lengths of the body over the speed
-HOLE = 1.12  # spacings
-LET_IN = 0.01  # of all particles
 VOLUME = 0.03  # of the room
 
 
@@ -203,18 +201,5 @@ def shown(row: dict[str, Any]) -> str:
     )
 
 
-def main() -> int:
-    """Run the scenes, print a row each; return 1 if any is missed."""
-    parser = parser_of(__doc__, first=0)
-    parser.add_argument("--set", action="append", default=[], dest="changes", metavar="KEY=VALUE", help="a key of all cases")
-    options = options_of(parser)
-    for scheme in options.schemes:
-        try:
-            scene(options.first, scheme, options.changes)
-        except CaseError as error:
-            parser.error(f"--set in {scheme}: {error}")
-    return run_all(options, options.changes, run, missed, shown)
-
-
 if __name__ == "__main__":
-    raise SystemExit(main())
+    raise SystemExit(run_changed(__doc__, scene, run, missed, shown))

@@ -66,8 +66,8 @@ class SurfaceStress:
         pressure, friction = get("pressure"), get("friction")
         centre = self.loads.centre(body)
         lattice = self.geometry.lattice
-        period = np.where(self.case.periodic, np.subtract(lattice.upper, lattice.lower), np.inf)
-        foot -= np.where(np.isfinite(period), period * np.round((foot - centre) / period), 0.0)  # the body in one piece
+        period = np.subtract(lattice.upper, lattice.lower)
+        foot -= np.asarray(self.case.periodic) * period * np.round((foot - centre) / period)  # the body in one piece
         along = angle = None
         if order.arc is not None:
             along = np.einsum("ij,ij->i", friction, tangents(normal, order.hollow))

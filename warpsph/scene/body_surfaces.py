@@ -217,7 +217,7 @@ def make_solids(
         sampling = sample(whole, spacing, layers, first, last, case.scheme.mean_edges)
         stout = not sampling.sheet.any()
         if case.scheme.mirrors_sides and (cells or not stout):
-            # a tail that stands on a mirror would need lines of sight to its images
+            # a tail that stands on a mirror would need lines of sight to its images; cells between inlets mirror the fluid
             stout = False
             surface = whole = surface_of(case, body, low, high)
             sampling = sample(surface, spacing, layers, first, last, case.scheme.mean_edges)
