@@ -357,6 +357,9 @@ def absent(spec: Spec) -> list[Absent]:
     if spec.open_axis < 0:
         names = "site_way, row_way, side_given, buffer_given, open_source, side_pressure, side_velocity, crossing"
         rows.append(Absent(names, "no side of the domain is an inlet or an outlet"))
+    else:
+        reason = "there is no sound: what is given holds at every moment"
+        rows.append(Absent("sponge, relaxation of open sides", reason))
     if not any(spec.periodic):
         rows.append(Absent("periodic images", "no periodic axis"))
     return rows

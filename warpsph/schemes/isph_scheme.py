@@ -49,7 +49,7 @@ class IsphScheme(FlowThrough):
     kept = ("site_ahead", "face_pressure", "face_velocity", "face_before", "through")
 
     def check(self, case: Any) -> Iterator[Problem]:
-        """Yield what the scheme cannot do: several phases, tension, forces on sides, sound, a tolerance out of reach."""
+        """Yield what the scheme cannot do: phases, tension, forces on sides, sponges that draw the flow, a tolerance."""
         if len(case.phases) > 1:
             rule = f"takes one phase, the case has {len(case.phases)}"
             yield Problem("numerics.scheme", "isph", rule, "write scheme: riemann, or leave one phase")
@@ -68,11 +68,12 @@ class IsphScheme(FlowThrough):
                 yield Problem(f"gauges.{name}.type", gauge.type, rule, "use a gauge of type points at the wall")
         for axis, sides in zip("xyz", case.sides, strict=False):
             for name, flow in (("lower", sides.lower.flow), ("upper", sides.upper.flow)):
-                for key in ("waves", "relaxation", "sponge"):
-                    if flow is not None and key in flow.model_fields_set:
-                        path = f"domain.boundary.{axis}.{name}.{flow.word}.{key}"
-                        rule = "is about sound, and with scheme: isph there is none"
-                        yield Problem(path, flow.plain()[key], rule, "delete it, or write numerics: {scheme: riemann}")
+                # what is about sound alone has nothing to do; a sponge that draws the flow itself would be missed
+                if flow is not None and flow.sponge is not None and flow.sponge.velocity is not None:
+                    path = f"domain.boundary.{axis}.{name}.{flow.word}.sponge.velocity"
+                    rule = "draws the flow, and with scheme: isph no sponge acts: there is no sound"
+                    value = flow.plain()["sponge"]["velocity"]
+                    yield Problem(path, value, rule, "delete it, or write numerics: {scheme: riemann}")
 
     def derive(self, case: Any, geometry: Geometry, row_list: bool) -> Physics:
         """Return the numbers of a run, see `isph_physics`."""
