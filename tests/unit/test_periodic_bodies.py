@@ -1,5 +1,7 @@
 """Bodies across periodic sides go on at the other side: where a body stands in a period changes nothing."""
 
+import functools
+
 import numpy as np
 import pytest
 from scipy.spatial import cKDTree
@@ -60,11 +62,19 @@ SHAPES = {
 }
 
 
-@pytest.mark.parametrize("way", [(0.5, 0.0), (0.0, -0.5), (0.5, 0.5), (-0.5, 0.25)])
-@pytest.mark.parametrize("kind", SHAPES)
+@functools.cache
+def in_the_middle(kind):
+    """A body that no side cuts."""
+    return Model(box(SHAPES[kind]), threads=1)
+
+
+CUT = [*((kind, (-0.5, 0.5)) for kind in SHAPES), ("box", (0.0, -0.5)), ("disc", (0.5, 0.25))]
+
+
+@pytest.mark.parametrize(("kind", "way"), CUT)
 def test_particles_are_those_of_a_body_in_the_middle(kind, way):
     """Fluid, boundary particles and what the surface is to them, moved along by whole spacings."""
-    here, there = Model(box(SHAPES[kind]), threads=1), Model(box(moved(SHAPES[kind], way)), threads=1)
+    here, there = in_the_middle(kind), Model(box(moved(SHAPES[kind], way)), threads=1)
     assert there.particles.fluid_count == here.particles.fluid_count
     assert there.particles.wall_count == here.particles.wall_count
     count, dx = here.particles.fluid_count, 1 / 12
@@ -152,7 +162,7 @@ def test_an_image_that_the_case_names_itself_is_told_of():
         Model(box(DISC, bodies={"body": {"shape": moved(DISC, (-0.5, 0.0))}, "again": second}), threads=1)
 
 
-@pytest.mark.parametrize("scheme", ["riemann", "delta_plus", "isph"])
+@pytest.mark.parametrize("scheme", ["riemann", "isph"])
 def test_a_sphere_at_a_corner_in_3d(scheme):
     ball = {"sphere": {"center": [0.5] * 3, "radius": 0.3}}
     speeds = []
