@@ -25,7 +25,7 @@ from typing import Any
 import warp as wp
 
 from warpsph.kernels.core.clock import STEP
-from warpsph.kernels.core.dry_walls import make_seen
+from warpsph.kernels.core.dry_walls import ROW, WET, make_seen
 from warpsph.kernels.core.eigenvalue import WHOLE
 from warpsph.kernels.core.fields import FLUID
 from warpsph.kernels.core.lanes import lanes_of, shared
@@ -136,7 +136,7 @@ def make_delta_continuity(spec: Spec, flow_part: bool = True, slow_part: bool = 
         full, thin = full and pairs.ragged == real(0.0), thin and pairs.company == real(0.0)
         rate += pairs.rate
         room += pairs.room
-        beside = bool(False)  # a wall is within the support
+        beside, touches = bool(False), bool(False)  # a wall is within the support, and so near that it is touched
         share = real(1.0)  # of a compression along the normal, what the sum has of it beside walls that do not take part
         if wp.static(spec.walls and flow_part):
             end += int(wall_neighbours[i]) * step
@@ -146,6 +146,7 @@ def make_delta_continuity(spec: Spec, flow_part: bool = True, slow_part: bool = 
                 d = separation(xi, at_vec(position, j), wrapped, params)
                 f = slope(wp.length(d) * params.inv_h)
                 beside = beside or f < real(0.0)
+                touches = touches or wp.dot(d, d) < real(wp.static((WET + ROW) ** 2)) * params.spacing * params.spacing
                 if wp.static(roomy):
                     inside = wp.max(real(1.0) - wp.dot(d, d) * params.inv_window, real(0.0))
                     volume = params.wall_volume
@@ -216,8 +217,9 @@ def make_delta_continuity(spec: Spec, flow_part: bool = True, slow_part: bool = 
             if pairs.crowd * params.g_norm < real(sparse):
                 total = wp.max(total, -s_i / real(clock[STEP]))
             if wp.static(roomy):
-                if thin and not beside:
-                    # what spray was pressed to is memory too: it would stay apart as a gas does
+                alone = pairs.crowd * params.g_norm < real(sparse) and not touches
+                if thin and (alone or not beside):
+                    # what spray was pressed to is memory too: it would stay apart as a gas does, and above walls
                     total = wp.min(total, -s_i / real(clock[STEP]))
         density_rate[i] = total
 

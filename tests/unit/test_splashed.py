@@ -116,6 +116,19 @@ def test_bodies_of_fluid_and_films_on_walls_keep_theirs(scheme, rows, floor):
     assert (excess > 0.2 * PRESSED).mean() > 0.5
 
 
+@pytest.mark.parametrize(("height", "kept"), [(0.9, True), (1.1, False), (2.0, False)])
+def test_single_particles_are_held_by_walls_that_they_touch(height, kept):
+    """Above them what they were pressed to is memory: it held some over a beach, at the pressure of five times its depth."""
+    model = block("delta_plus", 2, 1, floor=True)
+    fluid = slice(model.particles.fluid_count)
+    for name in ("anchor", "position"):
+        place = model.particles.get(name)
+        place[fluid] *= (3.0, 2.0 * height)  # a row half a spacing high, whose particles are alone then
+        model.particles.put(name, place)
+    excess = excess_after_a_step(model)
+    assert (excess > 0.5 * PRESSED).all() if kept else (excess <= 0.0).all()
+
+
 def test_density_follows_the_room_of_strained_fluid():
     """Distances 2 % too wide: where fluid is sheared its density falls, at the rate of the theory, and only there."""
     change, expected = [], []
