@@ -334,6 +334,8 @@ def test_keys_about_sound_do_nothing(device):
         model = prepared(scene(THROUGH, {**sides, "start.velocity": ["1 + 0.1*sin(2*pi*y)", 0]}), device)
         model.stepper.run(100.0, 5)
         states.append(model.snapshot().fluid)
+        told = [line for line in model.physics.warnings if "there is no sound" in line]
+        assert len(told) == (5 if sides is sound else 0), told
     for name in ("position", "velocity", "pressure"):
         np.testing.assert_array_equal(getattr(states[0], name), getattr(states[1], name), err_msg=name)
 

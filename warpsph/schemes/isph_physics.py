@@ -13,7 +13,7 @@ from warpsph.kernels.core.smoothing import KERNELS, make_smoothing
 from warpsph.kernels.core.spec import Spec
 from warpsph.kernels.isph.projection import FILLED
 from warpsph.scene.forcing import forcing_of
-from warpsph.scene.open_faces import open_axis
+from warpsph.scene.open_faces import open_axis, open_sides
 from warpsph.scene.physics import VISCOUS_LIMIT, Physics, body_reach, check_periods, flow_scales, has_room, smoothing_ratio
 from warpsph.schemes.flow_through import room_left
 from warpsph.schemes.isph_numerics import IsphNumerics
@@ -279,6 +279,10 @@ def derive(case: Case, geometry: Geometry, row_list: bool) -> Physics:
     warnings = []
     if phase.sound_speed != "auto":
         warnings.append(f"phases.{case.phase_names[0]}.sound_speed: has no meaning for scheme: isph")
+    for name, _, _, flow in open_sides(case):
+        path = f"domain.boundary.{name.replace('_', '.')}.{flow.word}"
+        keys = [key for key in ("waves", "relaxation", "sponge") if key in flow.model_fields_set]
+        warnings += [f"{path}.{key}: has no meaning for scheme: isph, there is no sound" for key in keys]
     return Physics(
         spec=spec,
         choices=choices,

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from warpsph.errors import Problem
+from warpsph.scene.open_faces import open_sides
 from warpsph.schemes.base import LOAD_ARRAYS
 from warpsph.schemes.flow_through import FlowThrough
 from warpsph.schemes.isph_numerics import IsphNumerics
@@ -66,14 +67,13 @@ class IsphScheme(FlowThrough):
             if gauge.type == "wall_force" and not case.bodies:
                 rule = "needs wall particles, which scheme: isph has at bodies alone"
                 yield Problem(f"gauges.{name}.type", gauge.type, rule, "use a gauge of type points at the wall")
-        for axis, sides in zip("xyz", case.sides, strict=False):
-            for name, flow in (("lower", sides.lower.flow), ("upper", sides.upper.flow)):
-                # what is about sound alone has nothing to do; a sponge that draws the flow itself would be missed
-                if flow is not None and flow.sponge is not None and flow.sponge.velocity is not None:
-                    path = f"domain.boundary.{axis}.{name}.{flow.word}.sponge.velocity"
-                    rule = "draws the flow, and with scheme: isph no sponge acts: there is no sound"
-                    value = flow.plain()["sponge"]["velocity"]
-                    yield Problem(path, value, rule, "delete it, or write numerics: {scheme: riemann}")
+        for name, _, _, flow in open_sides(case):
+            # what is about sound alone has nothing to do; a sponge that draws the flow itself would be missed
+            if flow.sponge is not None and flow.sponge.velocity is not None:
+                path = f"domain.boundary.{name.replace('_', '.')}.{flow.word}.sponge.velocity"
+                rule = "draws the flow, and with scheme: isph no sponge acts: there is no sound"
+                value = flow.plain()["sponge"]["velocity"]
+                yield Problem(path, value, rule, "delete it, or write numerics: {scheme: riemann}")
 
     def derive(self, case: Any, geometry: Geometry, row_list: bool) -> Physics:
         """Return the numbers of a run, see `isph_physics`."""
