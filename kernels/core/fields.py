@@ -65,6 +65,11 @@ def viscous_surface(spec: Spec) -> bool:
     return spec.free_surface and spec.viscosity != "none" and not spec.printed
 
 
+def slipping(spec: Spec) -> bool:
+    """Runs of one viscous fluid beside walls with a surface of their own."""
+    return spec.bodies and spec.viscosity != "none" and not spec.multiphase
+
+
 def implicit_at_bodies(spec: Spec) -> bool:
     """Runs of ISPH with implicit friction on bodies that have a surface of their own."""
     return spec.bodies and spec.implicit_viscosity
@@ -235,6 +240,7 @@ FLOW: tuple[Field, ...] = (
     Field("surface_shear", "mat", "wall", False, bodies, "1/s", "velocity gradient there, [a, b] = d v_a / d x_b"),
     Field("surface_velocity", "vec", "wall", False, bodies, "m/s", "of the fluid at the foot, for the first layer"),
     Field("surface_bend", "vec", "wall", False, bodies, "1/(m s)", "half the second derivative of v along the normal"),
+    Field("slip_slope", "vec", "wall", False, slipping, "1/s", "change of v along a wall without friction, across it"),
     Field("mirror_velocity", "vec", "wall", True, depths, "m/s", "velocity that friction on the wall sees"),
     Field("mirror_ratio", "real", "wall", False, staged_walls, "-", "velocity mirrored over that which is mirrored"),
     Field("origin", "origins", "fluid", True, windowed, "m", "place at the start of each window, see `flow_map`"),

@@ -31,6 +31,7 @@ import warp as wp
 
 from .clock import STEP
 from .dry_walls import make_wetted
+from .fields import slipping
 from .pair import list_access, separation_of
 from .params import make_params, make_phase
 from .poses import make_pose, make_velocity_at
@@ -404,6 +405,7 @@ def make_wall_values(spec: Spec, sliding: bool = False) -> Any:
     separation = separation_of(spec)
     velocity_at = make_velocity_at(spec)
     Pose = make_pose()
+    turns = slipping(spec) and not sliding
 
     @wp.kernel(module="unique", enable_backward=False)
     def wall_values(
@@ -428,6 +430,7 @@ def make_wall_values(spec: Spec, sliding: bool = False) -> Any:
         surface_shear: wp.array(dtype=mat),
         surface_bend: wp.array(dtype=vec),
         state: wp.array(dtype=pair),
+        slip_slope: wp.array(dtype=vec),
         mirror_velocity: wp.array(dtype=vec),
     ):
         w = wp.tid() + first
@@ -443,6 +446,9 @@ def make_wall_values(spec: Spec, sliding: bool = False) -> Any:
             volume = volume * surface_wet[lead]
         state[i] = pair(p, volume)
         mirror = surface_velocity[lead] + surface_shear[lead] * way
+        if wp.static(turns):
+            across = surface_shear[lead] * wall_normal[w]
+            slip_slope[w] = across - wall_normal[w] * wp.dot(across, wall_normal[w])
         if wp.static(sliding):
             mirror += surface_bend[lead] * (wall_depth[w] * wall_depth[w])
         elif wp.static(spec.wall_no_slip):

@@ -9,6 +9,7 @@ from typing import Any
 import warp as wp
 
 from warpsph.kernels.core.dry_walls import make_seen
+from warpsph.kernels.core.friction_slide import make_friction_slide
 from warpsph.kernels.core.pair import WRAPPED, list_access, separation_of
 from warpsph.kernels.core.params import make_params, make_phase
 from warpsph.kernels.core.smoothing import make_smoothing
@@ -32,6 +33,7 @@ def make_budget_forces(spec: Spec) -> Any:
     _, body_force_of = make_forcing(spec)
     viscous = spec.viscosity != "none"
     viscous_term = make_viscosity(spec.viscosity if viscous else "radial", spec.dimension, spec.precision)
+    friction_slide = make_friction_slide(spec)
     artificial_term = make_viscosity("radial", spec.dimension, spec.precision)
     friction_slope = make_friction_slope(spec.viscosity, spec.kernel, spec.dimension, spec.precision)
 
@@ -54,6 +56,7 @@ def make_budget_forces(spec: Spec) -> Any:
         state: wp.array(dtype=pair),
         rest_volume: wp.array(dtype=real),
         mirror_velocity: wp.array(dtype=vec),
+        slip_slope: wp.array(dtype=vec),
         slip: wp.array(dtype=wp.uint8),
         wall_depth: wp.array(dtype=real),
         wall_normal: wp.array(dtype=vec),
@@ -123,7 +126,7 @@ def make_budget_forces(spec: Spec) -> Any:
                     if wp.static(not spec.bodies):
                         rubs = slip[j - fluid_count] == wp.uint8(0)
                     if rubs:
-                        slide = vi - mirror_velocity[j - fluid_count]
+                        slide = friction_slide(j - fluid_count, vi, mirror_velocity[j - fluid_count], d, slip, wall_normal, slip_slope)
                         friction += rub * viscous_term(slide, d, r2 + params.tiny, params.inv_h)
         sign = real(1.0)
         if wp.static(spec.tension_control != ""):

@@ -14,6 +14,7 @@ import warp as wp
 
 from warpsph.kernels.core.dry_walls import make_seen
 from warpsph.kernels.core.fields import FLUID
+from warpsph.kernels.core.friction_slide import make_friction_slide
 from warpsph.kernels.core.pair import list_access, separation_of
 from warpsph.kernels.core.params import make_params, make_phase
 from warpsph.kernels.core.poses import make_pose, make_velocity_at
@@ -38,6 +39,7 @@ def make_delta_load(spec: Spec) -> Any:
     viscous = spec.viscosity != "none"
     turns = spec.moving and spec.wall_no_slip and spec.viscosity == "morris"
     viscous_term = make_viscosity(spec.viscosity if viscous else "radial", spec.dimension, spec.precision)
+    friction_slide = make_friction_slide(spec)
     friction_slope = make_friction_slope(spec.viscosity, spec.kernel, spec.dimension, spec.precision)
 
     @wp.kernel(module="unique", enable_backward=False, module_options=SWEEP_OPTIONS)
@@ -54,6 +56,7 @@ def make_delta_load(spec: Spec) -> Any:
         velocity: wp.array(dtype=vec),
         state: wp.array(dtype=pair),
         mirror_velocity: wp.array(dtype=vec),
+        slip_slope: wp.array(dtype=vec),
         body_motion: wp.array(dtype=int),
         poses: wp.array(dtype=Pose),
         wall_body: wp.array(dtype=int),
@@ -106,7 +109,7 @@ def make_delta_load(spec: Spec) -> Any:
                 if wp.static(not spec.bodies):
                     rubs = slip[w] == wp.uint8(0)
                 if rubs:
-                    slide = velocity[j] - mirror_velocity[w]
+                    slide = friction_slide(w, velocity[j], mirror_velocity[w], d, slip, wall_normal, slip_slope)
                     drag = rub * viscous_term(slide, d, r2 + params.tiny, params.inv_h)
                     push -= drag
                     rubbed -= drag

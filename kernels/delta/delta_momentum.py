@@ -21,6 +21,7 @@ from warpsph.kernels.core.clock import MAXIMA, SPEED, STEP
 from warpsph.kernels.core.dry_walls import make_seen
 from warpsph.kernels.core.eigenvalue import WHOLE, make_least_eigenvalue
 from warpsph.kernels.core.fields import FLUID
+from warpsph.kernels.core.friction_slide import make_friction_slide
 from warpsph.kernels.core.lanes import lanes_of, shared
 from warpsph.kernels.core.pair import WRAPPED, list_access, make_at, separation_of
 from warpsph.kernels.core.params import make_params, make_phase
@@ -48,6 +49,7 @@ def make_delta_momentum(spec: Spec, measuring: bool = True) -> Any:
     driving_force, least_eigenvalue = make_driving_force(spec), make_least_eigenvalue(spec.dimension, spec.precision)
     viscous = spec.viscosity != "none"
     viscous_term = make_viscosity(spec.viscosity if viscous else "radial", spec.dimension, spec.precision)
+    friction_slide = make_friction_slide(spec)
     friction_slope = make_friction_slope(spec.viscosity, spec.kernel, spec.dimension, spec.precision)
     limit_shift, crowding = make_limit_shift(spec), make_crowding(spec.precision)
     (braked, held, ahead), seen = make_contact_of(spec), make_seen(spec)
@@ -79,6 +81,7 @@ def make_delta_momentum(spec: Spec, measuring: bool = True) -> Any:
         state: wp.array(dtype=pair),
         rest_volume: wp.array(dtype=real),
         mirror_velocity: wp.array(dtype=vec),
+        slip_slope: wp.array(dtype=vec),
         slip: wp.array(dtype=wp.uint8),
         wall_depth: wp.array(dtype=real),
         wall_normal: wp.array(dtype=vec),
@@ -176,7 +179,7 @@ def make_delta_momentum(spec: Spec, measuring: bool = True) -> Any:
                     if wp.static(not spec.bodies):
                         rubs = slip[j - fluid_count] == wp.uint8(0)
                     if rubs:
-                        slide = vi - mirror_velocity[j - fluid_count]
+                        slide = friction_slide(j - fluid_count, vi, mirror_velocity[j - fluid_count], d, slip, wall_normal, slip_slope)
                         rub = own.viscosity * (friction_slope(q) * state_j[1])
                         friction += rub * viscous_term(slide, d, r2 + params.tiny, params.inv_h)
         g_norm = params.g_norm

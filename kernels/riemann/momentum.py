@@ -32,6 +32,7 @@ import warp as wp
 
 from warpsph.kernels.core.clock import MAXIMA, STEP
 from warpsph.kernels.core.fields import FLUID
+from warpsph.kernels.core.friction_slide import make_friction_slide
 from warpsph.kernels.core.lanes import lanes_of, shared
 from warpsph.kernels.core.pair import BAND, NEAR, WRAPPED, list_access, look_ahead, make_at, make_part, separation_of, way_of
 from warpsph.kernels.core.params import make_params, make_phase
@@ -99,6 +100,7 @@ def make_momentum(spec: Spec) -> Any:
     kinked = sided and spec.corrected  # its gradients see where the interface cuts a pair
     (_, due_next), speed_of_disorder = make_disorder_due(spec), make_disorder_speed(spec)
     own_gradient = make_own_gradient(spec)
+    friction_slide = make_friction_slide(spec)
     way, part, part_of_pair = way_of(spec), make_part(vec), make_part(pair)
     window = make_window(spec.precision)
     series_mean = make_series_mean(spec.precision)
@@ -130,6 +132,7 @@ def make_momentum(spec: Spec) -> Any:
         interface_weight: wp.array(dtype=curved),
         normal: wp.array(dtype=vec),
         mirror_velocity: wp.array(dtype=vec),
+        slip_slope: wp.array(dtype=vec),
         slip: wp.array(dtype=wp.uint8),
         boundary_volume: wp.array(dtype=real),
         wall_depth: wp.array(dtype=real),
@@ -473,7 +476,8 @@ def make_momentum(spec: Spec) -> Any:
                     wall_flow += wp.outer(mirror - vi, fd)
                 if wp.static(spec.bodies and viscous):
                     # without friction the velocity mirrored is one that makes no shear stress at the surface
-                    viscous_sum += rub * viscous_term(vi - mirror, d, r2 + params.tiny, params.inv_h)
+                    slide = friction_slide(j - fluid_count, vi, mirror, d, slip, wall_normal, slip_slope)
+                    viscous_sum += rub * viscous_term(slide, d, r2 + params.tiny, params.inv_h)
                 if wp.static(spec.wall_no_slip and not spec.bodies):
                     if slip[j - fluid_count] == wp.uint8(0):
                         mirror = mirror_velocity[j - fluid_count]

@@ -1,0 +1,44 @@
+"""The velocity that friction on a wall sees: over the fluid at one that it slides along, over the mirror at one it sticks to.
+
+    sticks: v_i - v~                        slides: n n.(v_i - v~) + (S n)_t (n.x_iw)
+
+Along a wall without friction each particle sees its own velocity, and not that of a fit: a straight line through a velocity
+that bends before the wall ends beyond it, and would pull the fluid on (theory: riemann#slide). (S n)_t is what the velocity
+along a curved wall changes by across it where it bears no shear stress, v_t/R; at a plane there is no force along it.
+"""
+
+import functools
+from typing import Any
+
+import warp as wp
+
+from .spec import Spec, types_of
+
+
+@functools.cache
+def make_friction_slide(spec: Spec) -> Any:
+    """Return the `wp.func` friction_slide(w, v_i, v~, x_iw, slip, wall_normal, slip_slope): the difference [m/s]."""
+    real, vec, _, _ = types_of(spec)
+    fitted = spec.bodies and not spec.multiphase
+
+    @wp.func
+    def friction_slide(
+        w: int,
+        vi: vec,
+        mirror: vec,
+        d: vec,
+        slip: wp.array(dtype=wp.uint8),
+        wall_normal: wp.array(dtype=vec),
+        slip_slope: wp.array(dtype=vec),
+    ):
+        slide = vi - mirror
+        if wp.static(fitted):
+            slips = bool(True)
+            if wp.static(spec.wall_no_slip):
+                slips = slip[w] != wp.uint8(0)
+            if slips:
+                n = wall_normal[w]
+                slide = wp.dot(slide, n) * n + wp.dot(n, d) * slip_slope[w]
+        return slide
+
+    return friction_slide
