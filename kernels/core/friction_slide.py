@@ -1,4 +1,4 @@
-"""The velocity that friction on a wall sees: over the fluid at one that it slides along, over the mirror at one it sticks to.
+"""The velocity that friction on a wall sees, of a particle over the mirror of a wall that it sticks to or slides along.
 
     sticks: v_i - v~                        slides: n n.(v_i - v~) + (S n)_t (n.x_iw)
 

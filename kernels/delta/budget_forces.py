@@ -126,7 +126,8 @@ def make_budget_forces(spec: Spec) -> Any:
                     if wp.static(not spec.bodies):
                         rubs = slip[j - fluid_count] == wp.uint8(0)
                     if rubs:
-                        slide = friction_slide(j - fluid_count, vi, mirror_velocity[j - fluid_count], d, slip, wall_normal, slip_slope)
+                        mirror = mirror_velocity[j - fluid_count]
+                        slide = friction_slide(j - fluid_count, vi, mirror, d, slip, wall_normal, slip_slope)
                         friction += rub * viscous_term(slide, d, r2 + params.tiny, params.inv_h)
         sign = real(1.0)
         if wp.static(spec.tension_control != ""):

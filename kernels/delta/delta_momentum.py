@@ -179,7 +179,8 @@ def make_delta_momentum(spec: Spec, measuring: bool = True) -> Any:
                     if wp.static(not spec.bodies):
                         rubs = slip[j - fluid_count] == wp.uint8(0)
                     if rubs:
-                        slide = friction_slide(j - fluid_count, vi, mirror_velocity[j - fluid_count], d, slip, wall_normal, slip_slope)
+                        mirror = mirror_velocity[j - fluid_count]
+                        slide = friction_slide(j - fluid_count, vi, mirror, d, slip, wall_normal, slip_slope)
                         rub = own.viscosity * (friction_slope(q) * state_j[1])
                         friction += rub * viscous_term(slide, d, r2 + params.tiny, params.inv_h)
         g_norm = params.g_norm

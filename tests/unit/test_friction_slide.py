@@ -28,8 +28,8 @@ def model(rows, device="cpu", **keys):
 def half_channel(scheme, rows):
     """Return the mean velocity, over the exact one, of a stream between a floor and a plane of symmetry, after 1 s.
 
-    It starts with the exact u = (f/nu) (y - y^2/2), and forgets that at the rate nu pi^2/4 = 1.2/s. In the Riemann scheme the
-    floor is a body, so that walls have a surface of their own.
+    It starts with the exact u = (f/nu) (y - y^2/2), and forgets that at the rate nu pi^2/4 = 1.2/s. In the Riemann scheme
+    the floor is a body, so that walls have a surface of their own.
     """
     body = scheme == "riemann"
     keys = {
