@@ -16,10 +16,32 @@ from .spec import Spec, types_of
 
 
 @functools.cache
+def make_curved_slide(spec: Spec) -> Any:
+    """Return the `wp.func` curved_slide(w, x_iw, slip, wall_normal, slip_slope): along curved walls that it slides on."""
+    real, vec, _, _ = types_of(spec)
+
+    @wp.func
+    def curved_slide(
+        w: int,
+        d: vec,
+        slip: wp.array(dtype=wp.uint8),
+        wall_normal: wp.array(dtype=vec),
+        slip_slope: wp.array(dtype=vec),
+    ):
+        if wp.static(spec.wall_no_slip):
+            if slip[w] == wp.uint8(0):
+                return vec()
+        return wp.dot(wall_normal[w], d) * slip_slope[w]
+
+    return curved_slide
+
+
+@functools.cache
 def make_friction_slide(spec: Spec) -> Any:
     """Return the `wp.func` friction_slide(w, v_i, v~, x_iw, slip, wall_normal, slip_slope): the difference [m/s]."""
     real, vec, _, _ = types_of(spec)
     fitted = spec.bodies and not spec.multiphase
+    curved_slide = make_curved_slide(spec)
 
     @wp.func
     def friction_slide(
@@ -38,7 +60,7 @@ def make_friction_slide(spec: Spec) -> Any:
                 slips = slip[w] != wp.uint8(0)
             if slips:
                 n = wall_normal[w]
-                slide = wp.dot(slide, n) * n + wp.dot(n, d) * slip_slope[w]
+                slide = wp.dot(slide, n) * n + curved_slide(w, d, slip, wall_normal, slip_slope)
         return slide
 
     return friction_slide

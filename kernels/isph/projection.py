@@ -36,7 +36,8 @@ from typing import Any
 import warp as wp
 
 from warpsph.kernels.core.clock import RUNAWAY, STEP
-from warpsph.kernels.core.fields import FLUID, NOBODY
+from warpsph.kernels.core.fields import FLUID, NOBODY, slipping
+from warpsph.kernels.core.friction_slide import make_curved_slide
 from warpsph.kernels.core.mirror import NO_WALL, code_shift, make_images, make_sides
 from warpsph.kernels.core.pair import WRAPPED, list_access, natural
 from warpsph.kernels.core.params import make_params, make_phase
@@ -181,8 +182,7 @@ def make_predict(spec: Spec) -> Any:
     sum (x_j - x_i).grad W V, the outward normal, and u*.
     """
     real, vec, mat, _ = types_of(spec)
-    Params = make_params(spec.dimension, spec.precision)
-    Phase = make_phase(spec.precision)
+    Params, Phase = make_params(spec.dimension, spec.precision), make_phase(spec.precision)
     Sides = make_sides(spec.dimension, spec.precision)
     shape, slope = make_smoothing(spec.kernel, spec.precision)
     images = make_images(spec)
@@ -195,11 +195,9 @@ def make_predict(spec: Spec) -> Any:
     friction_slope = make_friction_slope(spec.viscosity, spec.kernel, spec.dimension, spec.precision)
     time_weights = make_weights(spec.second_order)
     inverted, fourth = make_inverted(spec.dimension, spec.precision), make_fourth(spec.precision)
-    periodic = any(spec.periodic)
-    dimension = float(spec.dimension)
-    image_bit = code_shift(spec.dimension)
-    index_mask = (1 << image_bit) - 1
-    smallest = SMALLEST_MOMENT**spec.dimension
+    periodic, dimension = any(spec.periodic), float(spec.dimension)
+    image_bit, index_mask = code_shift(spec.dimension), (1 << code_shift(spec.dimension)) - 1
+    smallest, curved_slide = SMALLEST_MOMENT**spec.dimension, make_curved_slide(spec)
 
     @wp.kernel(module="unique", enable_backward=False, module_options=SWEEP_OPTIONS)
     def predict(
@@ -223,6 +221,8 @@ def make_predict(spec: Spec) -> Any:
         rest_volume: wp.array(dtype=real),
         mirror_velocity: wp.array(dtype=vec),
         slip: wp.array(dtype=wp.uint8),
+        wall_normal: wp.array(dtype=vec),
+        slip_slope: wp.array(dtype=vec),
         boundary_volume: wp.array(dtype=real),
         wetness: wp.array(dtype=real),
         correction: wp.array(dtype=mat),
@@ -257,9 +257,7 @@ def make_predict(spec: Spec) -> Any:
             wrapped = (int(flags[i]) & WRAPPED) != 0
         moment = mat()
         beyond = mat()  # what of it and of `even` bodies above the surface have
-        above = vec()
-        even = vec()
-        pairing = vec()
+        above, even, pairing = vec(), vec(), vec()
         among = real(0.0)
         per_spacing = real(1.0) / shape(params.spacing * params.inv_h)
         flow = mat()
@@ -332,6 +330,9 @@ def make_predict(spec: Spec) -> Any:
                         vj = mirror_velocity[j - fluid_count]
                         flow += wp.outer(vj - vi, fd)
                         viscous_sum += f * viscous_term(vi - vj, d, r2 + params.tiny, params.inv_h)
+                if wp.static(slipping(spec)):
+                    slide = curved_slide(j - (particle_count - boundary_volume.shape[0]), d, slip, wall_normal, slip_slope)
+                    viscous_sum += f * viscous_term(slide, d, r2 + params.tiny, params.inv_h)
         g_norm = params.g_norm
         m = moment * g_norm
         known = wp.determinant(m) > real(smallest)
