@@ -241,7 +241,7 @@ FLOW: tuple[Field, ...] = (
     Field("surface_velocity", "vec", "wall", False, bodies, "m/s", "of the fluid at the foot, for the first layer"),
     Field("surface_bend", "vec", "wall", False, bodies, "1/(m s)", "half the second derivative of v along the normal"),
     Field("slip_slope", "vec", "wall", False, slipping, "1/s", "change of v along a wall without friction, across it"),
-    Field("mirror_velocity", "vec", "wall", True, depths, "m/s", "velocity that friction on the wall sees"),
+    Field("mirror_velocity", "vec", "wall", True, depths, "m/s", "of the flow continued into the wall"),
     Field("mirror_ratio", "real", "wall", False, staged_walls, "-", "velocity mirrored over that which is mirrored"),
     Field("origin", "origins", "fluid", True, windowed, "m", "place at the start of each window, see `flow_map`"),
     Field("origin_change", "origins", "fluid", True, windowed_shifting, "m", "what the coming shift makes of it"),

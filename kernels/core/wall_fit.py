@@ -11,7 +11,8 @@ v = v_w - S n z + q z^2: both are exact where the fluid has a linear pressure an
 of particles. The quadratic terms make the viscous term beside the surface one of second order; s^2 is there for surfaces
 that are not plane.
 
-A wall without friction has a velocity along it from the fit of the fluid alone, and a slope that makes no shear stress.
+A wall without friction has a velocity along it from the fit of the fluid alone, and a slope that makes no shear stress; the
+viscous term takes the slope alone (`friction_slide`).
 A divergence has such a velocity too (`sliding`) where the layer on a wall that the fluid sticks to is thinner than a fit
 sees: there -S n z turns round what runs along the wall, and so the sign of its divergence (theory: delta#layers). Where the
 fit sees the layer, q has the part along n that a flow of growing shear has in a divergence: d2u_n/dn2 = -d(du_t/dn)/dt.

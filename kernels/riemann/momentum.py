@@ -475,7 +475,7 @@ def make_momentum(spec: Spec) -> Any:
                 if wp.static(spec.bodies and spec.shifting):
                     wall_flow += wp.outer(mirror - vi, fd)
                 if wp.static(spec.bodies and viscous):
-                    # without friction the velocity mirrored is one that makes no shear stress at the surface
+                    # along a wall without friction its own velocity and a slope that bears no stress, not the mirrored one
                     slide = friction_slide(j - fluid_count, vi, mirror, d, slip, wall_normal, slip_slope)
                     viscous_sum += rub * viscous_term(slide, d, r2 + params.tiny, params.inv_h)
                 if wp.static(spec.wall_no_slip and not spec.bodies):
