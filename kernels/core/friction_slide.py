@@ -4,7 +4,7 @@
 
 Along a wall without friction each particle sees its own velocity, and not that of a fit: a straight line through a velocity
 that bends before the wall ends beyond it, and would pull the fluid on (theory: riemann#slide). (S n)_t is what the velocity
-along a curved wall changes by across it where it bears no shear stress, v_t/R; at a plane there is no force along it.
+along a curved wall changes by across it where it bears no shear stress, v_t/R; at a plane it is next to nothing.
 """
 
 import functools
