@@ -1,6 +1,6 @@
 """Force of the fluid on the surface of bodies and sides, when a gauge asks for it (theory: riemann#bodies).
 
-    F = sum over the facets of the first layer of -(p_s a + M grad p) + A mu t,   t the part of (S + S^T) n along the surface
+    F = sum over the facets of the first layer of -(p_s a + M grad p) + A mu t,   t the part of dv/dn along the surface
 
 A facet is what a particle stands for of one face (`warpsph/scene/facets.py`): a particle in a corner has two or three, with
 a normal each. a is its vector area and M its first moment about its foot, so that a uniform pressure has no force on a
@@ -161,8 +161,10 @@ def make_surface_load(spec: Spec) -> Any:
                                 for b in range(wp.static(spec.dimension)):
                                     shear[a, b] = real(slopes[b, a]) * params.inv_h
                         viscosity = viscosity / wp.max(weight, real(1.0e-30))
-                        stress = viscosity * ((shear + wp.transpose(shear)) * normal)
-                        stress -= normal * wp.dot(stress, normal)
+                        across = shear * normal
+                        if wp.static(spec.moving):  # what turns with the wall is not sheared
+                            across -= velocity_at(vec(), normal, wall_body[w], body_motion, poses)
+                        stress = viscosity * (across - normal * wp.dot(across, normal))
             else:
                 gradient = vec()
             if wp.static(spec.free_surface):

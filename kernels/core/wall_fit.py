@@ -37,6 +37,7 @@ from .pair import list_access, separation_of
 from .params import make_params, make_phase
 from .poses import make_pose, make_velocity_at
 from .quadratic import LEAST_PIVOT
+from .shear_growth import make_inflow
 from .smoothing import make_smoothing
 from .spec import SWEEP_OPTIONS, Spec, types, types_of
 from .time_signals import GRAVITY_NEXT, make_forcing
@@ -133,8 +134,8 @@ def make_sliding(dimension: int, precision: str) -> tuple[Any, Any]:
     own_fit(the sums of `bent` and their means, trust, normal, reach): velocity at the foot less that of the wall, slope and
     bend of a fit that does not know the wall.
     slid(these three, slope and bend of the fit that knows it, lift, hollow, normal, h): what is added to the velocity of the
-    wall, slope and bend. Across the wall all is as the fit has it that knows it, and where it sees the layer well it bends
-    there too: by `hollow` along the normal, which changes the slope of that part by `lift`.
+    wall, slope and bend, and the share of the fit that knows the wall. Across it all is as that fit has it, and where it
+    sees the layer well it bends there too: by `hollow` along the normal, which changes the slope of that part by `lift`.
     """
     real, vec, mat, _ = types(dimension, precision)
     bent = make_bent(dimension, precision, False)
@@ -189,18 +190,42 @@ def make_sliding(dimension: int, precision: str) -> tuple[Any, Any]:
             part * along,
             shear + part * change + seen * wp.outer(normal, lift),
             bend + part * (q - bend) + (seen * hollow) * normal,
+            real(1.0) - part,
         )
 
     return own_fit, slid
 
 
 @functools.cache
-def make_wall_fit(spec: Spec, across: bool = False, followed: bool = False, sliding: bool = False) -> Any:
+def make_unstressed(dimension: int, precision: str) -> Any:
+    """Return the `wp.func` unstressed(value, free, shear, normal) of a wall without friction: velocity along it, and slope.
+
+    Along it the fluid has the velocity of a fit that does not know the wall, `value` and the slope `free`; across it that of
+    one that knows it, `shear`. There is no shear stress: (S + S^T) n is along n.
+    """
+    _, vec, mat, _ = types(dimension, precision)
+
+    @wp.func
+    def unstressed(value: vec, free: mat, shear: mat, normal: vec):
+        slope = free - wp.outer(free * normal, normal)
+        slope -= wp.outer(normal, wp.transpose(slope) * normal)
+        out_of = wp.transpose(shear) * normal
+        twist = out_of - normal * wp.dot(out_of, normal)
+        return value - normal * wp.dot(value, normal), slope + wp.outer(normal, out_of) - wp.outer(twist, normal)
+
+    return unstressed
+
+
+@functools.cache
+def make_wall_fit(
+    spec: Spec, across: bool = False, followed: bool = False, sliding: bool = False, grown: bool = False
+) -> Any:
     """Return the kernel over wall particles that fits pressure and velocity of the fluid before the first layer.
 
     across: the velocity bends across the wall too; else q has no part along the normal.
     followed: the slope of the pressure along the normal follows the fit, by the time of one step; else it is that of it.
     sliding: for a divergence; through a layer thinner than a fit sees the velocity along walls is that of the fluid.
+    grown: `shear_growth` says how the velocity bends across the wall; it is told how far the fit that knows the wall counts.
     Its argument `midway` is where the fluid is at the time of the walls, in the middle of a step or at its end.
     """
     real, vec, mat, pair = types_of(spec)
@@ -216,6 +241,7 @@ def make_wall_fit(spec: Spec, across: bool = False, followed: bool = False, slid
     bent = make_bent(spec.dimension, spec.precision, across)
     own_fit, slid = make_sliding(spec.dimension, spec.precision)
     bent_across = make_bent(spec.dimension, spec.precision, True)
+    unstressed = make_unstressed(spec.dimension, spec.precision)
     wetted = make_wetted(spec.precision)
 
     @wp.kernel(module="unique", enable_backward=False, module_options=SWEEP_OPTIONS)
@@ -252,6 +278,7 @@ def make_wall_fit(spec: Spec, across: bool = False, followed: bool = False, slid
         surface_velocity: wp.array(dtype=vec),
         surface_shear: wp.array(dtype=mat),
         surface_bend: wp.array(dtype=vec),
+        surface_growth: wp.array(dtype=pair),
     ):
         w = wp.tid() + first
         if wall_area[w] == real(0.0):
@@ -264,9 +291,7 @@ def make_wall_fit(spec: Spec, across: bool = False, followed: bool = False, slid
         if wp.static(spec.moving):
             balanced -= wall_acceleration[w]
             own_velocity = velocity_at(own_velocity, normal * wall_depth[w], wall_body[w], body_motion, poses)
-        weight = real(0.0)
-        density = real(0.0)
-        p = real(0.0)
+        weight, density, p = real(0.0), real(0.0), real(0.0)
         mean = vec()  # of r
         slope_p = vec()  # sum w p r
         square = mat()  # sum w r (x) r
@@ -349,41 +374,39 @@ def make_wall_fit(spec: Spec, across: bool = False, followed: bool = False, slid
             out = wp.max(wp.dot(normal, square * normal), nearest * nearest)
             straight = wp.outer(shear * normal / out, normal)
             if wp.static(sliding):
-                own_shear = mat()  # of a fit with quadratic terms that does not know the wall, and its velocity at the foot
-                own_bend = vec()
-                own_value = vec(flow)
-                lift, hollow = vec(), real(0.0)
+                # of a fit with quadratic terms that does not know the wall: its velocity at the foot, slope and bend
+                own_value, own_shear, own_bend = vec(flow), mat(), vec()
+                lift, hollow, held = vec(), real(0.0), real(0.0)
             if trust > real(0.0):
                 reach = real(2.0) * params.h
                 if wp.static(sliding):
                     own_value, own_shear, own_bend = own_fit(
                         flow, shear, bend, bow, mean, square, line_y, line_s, yyyy, yyss, ssss, trust, normal, reach
                     )
+                if wp.static(sliding and not grown):
                     over, arch, _ = bent_across(shear, bend, bow, square, line_y, line_s, yyyy, yyss, ssss, normal, reach)
                 shear, bend, _bow = bent(shear, bend, bow, square, line_y, line_s, yyyy, yyss, ssss, normal, reach)
-                if wp.static(sliding):
+                if wp.static(sliding and not grown):
                     lift, hollow = trust * (wp.transpose(over - shear) * normal), trust * wp.dot(arch, normal)
             bend = bend * trust
             shear = straight + (shear - straight) * trust
             if wp.static(sliding):
                 if not slips:
-                    along, shear, bend = slid(own_value, own_shear, own_bend, shear, bend, lift, hollow, normal, params.h)
+                    h = params.h
+                    along, shear, bend, held = slid(own_value, own_shear, own_bend, shear, bend, lift, hollow, normal, h)
                     own_velocity += along
+                if wp.static(grown):
+                    surface_growth[w] = pair(held * trust, real(0.0))
             if slips:
-                # along a wall without friction the fluid has its own velocity, and no shear stress: (S + S^T) n is along n
-                along = flow - free * mean
-                along -= normal * wp.dot(along, normal)
-                free -= wp.outer(free * normal, normal)
-                free -= wp.outer(normal, wp.transpose(free) * normal)
-                out_of = wp.transpose(shear) * normal
-                twist = out_of - normal * wp.dot(out_of, normal)
-                bend = vec()
-                shear = free + wp.outer(normal, out_of) - wp.outer(twist, normal)
+                along, shear = unstressed(flow - free * mean, free, shear, normal)
                 own_velocity += along
+                bend = vec()
             gradient += balanced * (density * inv_weight)
         else:
             shear = mat()
             bend = vec()
+            if wp.static(grown):
+                surface_growth[w] = pair()
         surface_pressure[w] = p
         if wp.static(spec.dry_walls):
             surface_wet[w] = wp.where(covered[w] != wp.uint8(0), real(1.0), wetted(nearest2, params.spacing))
@@ -396,10 +419,10 @@ def make_wall_fit(spec: Spec, across: bool = False, followed: bool = False, slid
 
 
 @functools.cache
-def make_wall_values(spec: Spec, sliding: bool = False) -> Any:
+def make_wall_values(spec: Spec, sliding: bool = False, grown: bool = False) -> Any:
     """Return the kernel that gives every wall particle the pressure and mirrored velocity of the fit of its leader.
 
-    sliding: the fit is one of that name.
+    sliding, grown: the fit is one of that name.
     """
     real, vec, mat, pair = types_of(spec)
     Params = make_params(spec.dimension, spec.precision)
@@ -407,6 +430,7 @@ def make_wall_values(spec: Spec, sliding: bool = False) -> Any:
     velocity_at = make_velocity_at(spec)
     Pose = make_pose()
     turns = slipping(spec) and not sliding
+    inflow = make_inflow(spec.precision)
 
     @wp.kernel(module="unique", enable_backward=False)
     def wall_values(
@@ -430,6 +454,7 @@ def make_wall_values(spec: Spec, sliding: bool = False) -> Any:
         surface_velocity: wp.array(dtype=vec),
         surface_shear: wp.array(dtype=mat),
         surface_bend: wp.array(dtype=vec),
+        surface_growth: wp.array(dtype=pair),
         state: wp.array(dtype=pair),
         slip_slope: wp.array(dtype=vec),
         mirror_velocity: wp.array(dtype=vec),
@@ -452,6 +477,8 @@ def make_wall_values(spec: Spec, sliding: bool = False) -> Any:
             slip_slope[w] = across - wall_normal[w] * wp.dot(across, wall_normal[w])
         if wp.static(sliding):
             mirror += surface_bend[lead] * (wall_depth[w] * wall_depth[w])
+            if wp.static(grown):
+                mirror += inflow(surface_growth[lead], -wall_depth[w]) * wall_normal[w]
         elif wp.static(spec.wall_no_slip):
             if slip[w] == wp.uint8(0):
                 depth = wall_depth[w]

@@ -73,7 +73,6 @@ def test_flow_between_cylinders() -> None:
     inner, outer, turn, gaps = 0.5, 1.0, 0.02, 20
     spacing = (outer - inner) / gaps
     half = outer + 5 * spacing
-    circles = {"inner": inner, "outer": outer}
     model = Model(
         Case.from_dict(
             {
@@ -84,19 +83,14 @@ def test_flow_between_cylinders() -> None:
                 "phases": {"oil": {"density": 1.0, "viscosity": 1.0}},
                 "fluids": [{"phase": "oil", "shape": {"sphere": {"center": [0, 0], "radius": outer}}}],
                 "bodies": {
-                    name: {"shape": {"sphere": {"center": [0, 0], "radius": radius}}, "hollow": name == "outer"}
-                    for name, radius in circles.items()
+                    "inner": {"shape": {"sphere": {"center": [0, 0], "radius": inner}}, "motion": {"rotation": f"{turn}*t"}},
+                    "outer": {"shape": {"sphere": {"center": [0, 0], "radius": outer}}, "hollow": True},
                 },
                 "numerics": {"scheme": "isph"},
             }
         )
     )
     particles, fluid = model.particles, model.geometry.fluid_count
-    velocity, position = particles.get("velocity"), particles.get("position")[fluid:]
-    foot = position + particles.get("wall_depth")[:, None] * particles.get("wall_normal")
-    turning = particles.get("wall_body") == 1
-    velocity[fluid:][turning] = turn * np.stack([-foot[turning, 1], foot[turning, 0]], axis=1)
-    particles.put("velocity", velocity)
     model.stepper.prepare(True)
     model.stepper.run(0.5, 10**6)
     x, v = particles.get("position")[:fluid], particles.get("velocity")[:fluid]

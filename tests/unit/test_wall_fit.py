@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from warpsph.case.case import Case
+from warpsph.kernels.core.shear_growth import make_shear_growth
 from warpsph.kernels.core.wall_fit import make_wall_fit, make_wall_rows, make_wall_values
 from warpsph.running.model import Model
 
@@ -27,8 +28,8 @@ SLOPE = np.array([3.0, -5.0])
 class Continued:
     """A case whose fluid has given fields, and what the walls make of them."""
 
-    def __init__(self, wall, pressure, velocity, sliding=False, **changes):
-        self.sliding = sliding
+    def __init__(self, wall, pressure, velocity, sliding=False, grown=False, **changes):
+        self.sliding, self.grown = sliding, grown
         disc = {"disc": {**CASE["bodies"]["disc"], "wall": wall}}
         self.model = Model(Case.from_dict({**CASE, "bodies": disc, **changes}), threads=1)
         self.model.stepper.prepare(True)
@@ -46,9 +47,10 @@ class Continued:
 
     def run(self):
         model, spec = self.model, self.model.physics.spec
-        fit, values = make_wall_fit(spec, sliding=self.sliding), make_wall_values(spec, sliding=self.sliding)
+        kind = {"sliding": self.sliding, "grown": self.grown}
+        growth = [make_shear_growth(spec)] if self.grown else []
         self.particles.put("midway", self.particles.get("position")[: self.fluids])
-        for kernel in (make_wall_rows(), fit, values):
+        for kernel in (make_wall_rows(), make_wall_fit(spec, **kind), *growth, make_wall_values(spec, **kind)):
             count = model.particles.wall_count
             model.launcher.task("walls", kernel, count, model.stepper.bindings).run()
 
@@ -162,14 +164,15 @@ def test_what_slides_along_a_wall_without_a_layer_keeps_its_divergence(sliding, 
     assert least < radius * np.dot(divergence, cosine) / np.dot(cosine, cosine) < most
 
 
+@pytest.mark.parametrize("grown", [False, True])
 @pytest.mark.parametrize("noise", [0.0, 0.25])
-def test_where_the_shear_grows_along_a_wall_the_velocity_bends_across_it(noise):
+def test_where_the_shear_grows_along_a_wall_the_velocity_bends_across_it(noise, grown):
     """u = 4 x y, v = -2 y^2 has no divergence: in a floor too, where v is -2 z^2 and not 0 (theory: delta#layers)."""
 
     def growing(x):
         return np.stack([4.0 * x[:, 0] * x[:, 1], -2.0 * x[:, 1] ** 2], axis=1)
 
-    walls = Continued("no_slip", linear_pressure, growing, sliding=True, start={"noise": noise, "seed": 3})
+    walls = Continued("no_slip", linear_pressure, growing, sliding=True, grown=grown, start={"noise": noise, "seed": 3})
     x = walls.x[walls.fluids :]
     floor = (walls.normal[:, 1] > 0.99) & (abs(walls.foot[:, 1]) < 1e-6) & (x[:, 0] > 0.4) & (x[:, 0] < 0.8)
     assert floor.sum() > 16
@@ -177,3 +180,30 @@ def test_where_the_shear_grows_along_a_wall_the_velocity_bends_across_it(noise):
     scatter = np.linalg.norm(walls.mirrored[floor, 1] - exact) / np.linalg.norm(exact)
     assert scatter < (0.05 if noise == 0.0 else 0.35)
     assert np.dot(walls.mirrored[floor, 1], exact) / np.dot(exact, exact) == pytest.approx(1.0, abs=0.1)
+
+
+@pytest.mark.parametrize("spacings", [10, 20])
+def test_the_flow_around_a_cylinder_is_continued_across_its_surface(spacings):
+    """Stokes flow, whose velocity across the surface is a cos(theta) (e^2 - 5/3 e^3 + 9/4 e^4 ...), e = y/a.
+
+    In the cylinder e = -z/a. Two spacings deep the fourth power is 9/4 e^2 of the first: what a parabola and a cube leave.
+    """
+    a, spacing, center = 0.25, 0.5 / spacings, np.array([0.52, 0.47])
+
+    def stokes(x):
+        r = np.linalg.norm(x - center, axis=1)
+        e = (x - center) / r[:, None]
+        turn = np.stack([-e[:, 1], e[:, 0]], axis=1)
+        log, inverse = np.log(r / a), 0.5 * (a / r) ** 2
+        across, along = e[:, 0] * (log - 0.5 + inverse), -e[:, 1] * (log + 0.5 - inverse)
+        return across[:, None] * e + along[:, None] * turn
+
+    disc = {"disc": {"shape": {"sphere": {"center": center.tolist(), "radius": a}}}}
+    walls = Continued("no_slip", linear_pressure, stokes, True, True, particle_spacing=spacing, bodies=disc)
+    x = walls.x[walls.fluids :]
+    round_wall = (np.linalg.norm(x - center, axis=1) < a) & (walls.depth < 2 * spacing)
+    assert round_wall.sum() > 40
+    exact = np.sum(stokes(x) * walls.normal, axis=1)[round_wall]
+    across = np.sum(walls.mirrored * walls.normal, axis=1)[round_wall]
+    left = abs(np.dot(across, exact) / np.dot(exact, exact) - 1.0)
+    assert left < 9 / 4 * (2 * spacing / a) ** 2

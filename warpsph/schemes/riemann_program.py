@@ -71,7 +71,7 @@ def step(spec: Spec) -> list[Node]:
         *windows(spec),
         Stage("kick_drift", make_kick_drift(spec), "fluid", "moves the particles"),
         *sides(spec),
-        *(walls_ahead(spec) if continues_flow(spec) else []),
+        *(walls_ahead(spec, grown=spec.corrected) if continues_flow(spec) else []),
         Stage("continuity", make_continuity(spec), "fluid", "density and pressure from star velocities"),
         *relaxation(spec),
         *bodies(spec, NEXT, closing=1),
