@@ -240,7 +240,7 @@ FLOW: tuple[Field, ...] = (
     Field("surface_shear", "mat", "wall", False, bodies, "1/s", "velocity gradient there, [a, b] = d v_a / d x_b"),
     Field("surface_velocity", "vec", "wall", False, bodies, "m/s", "of the fluid at the foot, for the first layer"),
     Field("surface_bend", "vec", "wall", False, bodies, "1/(m s)", "half the second derivative of v along the normal"),
-    Field("surface_growth", "pair", "wall", False, bodies, "1/(m s)", "how a shear grows along the wall, see `shear_growth`"),
+    Field("surface_growth", "pair", "wall", False, bodies, "1/(m s)", "how a shear grows along a wall, see `shear_growth`"),
     Field("slip_slope", "vec", "wall", False, slipping, "1/s", "change of v along a wall without friction, across it"),
     Field("mirror_velocity", "vec", "wall", True, depths, "m/s", "of the flow continued into the wall"),
     Field("mirror_ratio", "real", "wall", False, staged_walls, "-", "velocity mirrored over that which is mirrored"),
