@@ -15,7 +15,8 @@ A wall without friction has a velocity along it from the fit of the fluid alone,
 viscous term takes the slope alone (`friction_slide`).
 A divergence has such a velocity too (`sliding`) where the layer on a wall that the fluid sticks to is thinner than a fit
 sees: there -S n z turns round what runs along the wall, and so the sign of its divergence (theory: delta#layers). Where the
-fit sees the layer, q has the part along n that a flow of growing shear has in a divergence: d2u_n/dn2 = -d(du_t/dn)/dt.
+fit sees the layer, q has the part along n that a flow of growing shear has in a divergence: d2u_n/dn2 = -d(du_t/dn)/dt;
+with the corrected gradient `shear_growth` has it from the velocity along the wall.
 Where the fluid is too thin for a fit, G = 0, and the velocity changes along the normal alone. A wall that it has not come to
 has no volume (`dry_walls`).
 

@@ -102,7 +102,7 @@ def test_flow_between_cylinders() -> None:
     assert np.abs((v * x).sum(axis=1) / r).max() < 0.01 * turn * inner
     forces = model.wall_forces()
     torque = -4.0 * math.pi * turn * inner**2 * outer**2 / (outer**2 - inner**2)
-    # beside bodies that mirror the velocity in a straight line the first is 2.3 % too large
+    # of second order: 0.07 and 0.02 %
     assert forces["wall_torque_z inner"] / torque == pytest.approx(1.0, abs=0.01)
     assert forces["wall_torque_z outer"] / torque == pytest.approx(-1.0, abs=0.01)
 
@@ -198,8 +198,8 @@ def test_slow_flow_around_a_cylinder_in_one_that_moves() -> None:
     # 3.6 % where the mirrored velocity is a straight line, 1.5 % if it is one in the divergence alone
     assert np.abs(particles.get("velocity")[:fluid] - exact).max() < 0.01 * speed
     forces = model.wall_forces()
-    # 1.9 % of it is the fit at the surface, of the exact velocity and pressure
-    assert forces["wall_force_x inner"] == pytest.approx(push, rel=0.03)
+    # 0.3 %; with v.n along the surface in the stress, which is known to be 0, more than 1 %
+    assert forces["wall_force_x inner"] == pytest.approx(push, rel=0.01)
     assert forces["wall_force_x outer"] == pytest.approx(-push, rel=0.01)
 
 
