@@ -47,7 +47,8 @@ def test_drag_of_an_array_of_cylinders_converges_with_second_order():
     assert abs(fine) < 0.02
     assert abs(fine) < 0.25 * abs(coarse)
     # the push on the body is that on the fluid: 6.7 % more of it at 16, 2.7 at 24, 0.1 at 32, 1.0 less at 48
-    assert push == pytest.approx(1.0, abs=0.05)
+    # (4.4 at 32 where the velocity across the surface does not follow from that along it)
+    assert push == pytest.approx(1.0, abs=0.02)
 
 
 def test_drag_does_not_depend_on_the_arrangement():
