@@ -5,6 +5,7 @@ the stress mu grad v n; what mu (grad v)^T n adds has no net force on a closed b
 a wall that turns it is -mu omega x n, for pairs -omega x x_fw beside v_fw: none are left where both turn as one. It is the
 `twist`, which counts in torques alone: the force stays what the fluid loses. Pairs act halfway between their particles: with
 these arms twists have the torque -2 mu omega V on any body of the volume V, and any shape of its surface (theory: delta#d6).
+Along a wall without friction it is the same of the slope (S n)_t of `friction_slide`, with omega = n x (S n)_t.
 """
 
 import functools
@@ -13,7 +14,7 @@ from typing import Any
 import warp as wp
 
 from warpsph.kernels.core.dry_walls import make_seen
-from warpsph.kernels.core.fields import FLUID
+from warpsph.kernels.core.fields import FLUID, slipping
 from warpsph.kernels.core.friction_slide import make_friction_slide
 from warpsph.kernels.core.pair import list_access, separation_of
 from warpsph.kernels.core.params import make_params, make_phase
@@ -38,6 +39,7 @@ def make_delta_load(spec: Spec) -> Any:
     list_begin, list_step, neighbour, Listed = list_access(spec)
     viscous = spec.viscosity != "none"
     turns = spec.moving and spec.wall_no_slip and spec.viscosity == "morris"
+    slides = slipping(spec) and spec.viscosity == "morris"
     viscous_term = make_viscosity(spec.viscosity if viscous else "radial", spec.dimension, spec.precision)
     friction_slide = make_friction_slide(spec)
     friction_slope = make_friction_slope(spec.viscosity, spec.kernel, spec.dimension, spec.precision)
@@ -117,7 +119,12 @@ def make_delta_load(spec: Spec) -> Any:
                         if slip[w] == wp.uint8(0):
                             spin = velocity_at(vec(), d, wall_body[w], body_motion, poses)
                             spun = rub * viscous_term(spin, d, r2 + params.tiny, params.inv_h)
-                            twisted += spun
+                    if wp.static(slides):
+                        if slip[w] != wp.uint8(0):
+                            n = wall_normal[w]
+                            spin = wp.dot(n, d) * slip_slope[w] - wp.dot(slip_slope[w], d) * n
+                            spun = rub * viscous_term(spin, d, r2 + params.tiny, params.inv_h)
+                    twisted += spun
             force += push
             if wp.static(spec.bodies):
                 turned += couple_of(real(0.5) * d - own_arm, push + spun)
@@ -125,7 +132,7 @@ def make_delta_load(spec: Spec) -> Any:
         if wp.static(spec.bodies):
             friction[w] = rubbed
             couple[w] = turned
-        if wp.static(turns):
+        if wp.static(turns or slides):
             twist[w] = twisted
 
     return delta_load
