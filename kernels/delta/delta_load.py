@@ -120,7 +120,10 @@ def make_delta_load(spec: Spec) -> Any:
                             spin = velocity_at(vec(), d, wall_body[w], body_motion, poses)
                             spun = rub * viscous_term(spin, d, r2 + params.tiny, params.inv_h)
                     if wp.static(slides):
-                        if slip[w] != wp.uint8(0):
+                        slips = bool(True)
+                        if wp.static(spec.wall_no_slip):
+                            slips = slip[w] != wp.uint8(0)
+                        if slips:
                             n = wall_normal[w]
                             spin = wp.dot(n, d) * slip_slope[w] - wp.dot(slip_slope[w], d) * n
                             spun = rub * viscous_term(spin, d, r2 + params.tiny, params.inv_h)
