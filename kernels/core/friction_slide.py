@@ -16,9 +16,25 @@ from .spec import Spec, types_of
 
 
 @functools.cache
+def make_curving(spec: Spec) -> Any:
+    """Return the `wp.func` curving(w, slip, slip_slope): (S n)_t of a wall without friction [1/s], 0 where fluid sticks."""
+    _, vec, _, _ = types_of(spec)
+
+    @wp.func
+    def curving(w: int, slip: wp.array(dtype=wp.uint8), slip_slope: wp.array(dtype=vec)):
+        if wp.static(spec.wall_no_slip):
+            if slip[w] == wp.uint8(0):
+                return vec()
+        return slip_slope[w]
+
+    return curving
+
+
+@functools.cache
 def make_curved_slide(spec: Spec) -> Any:
     """Return the `wp.func` curved_slide(w, x_iw, slip, wall_normal, slip_slope): along curved walls that it slides on."""
-    real, vec, _, _ = types_of(spec)
+    _, vec, _, _ = types_of(spec)
+    curving = make_curving(spec)
 
     @wp.func
     def curved_slide(
@@ -28,10 +44,7 @@ def make_curved_slide(spec: Spec) -> Any:
         wall_normal: wp.array(dtype=vec),
         slip_slope: wp.array(dtype=vec),
     ):
-        if wp.static(spec.wall_no_slip):
-            if slip[w] == wp.uint8(0):
-                return vec()
-        return wp.dot(wall_normal[w], d) * slip_slope[w]
+        return wp.dot(wall_normal[w], d) * curving(w, slip, slip_slope)
 
     return curved_slide
 

@@ -15,7 +15,7 @@ import warp as wp
 
 from warpsph.kernels.core.dry_walls import make_seen
 from warpsph.kernels.core.fields import FLUID, slipping
-from warpsph.kernels.core.friction_slide import make_friction_slide
+from warpsph.kernels.core.friction_slide import make_curving, make_friction_slide
 from warpsph.kernels.core.pair import list_access, separation_of
 from warpsph.kernels.core.params import make_params, make_phase
 from warpsph.kernels.core.poses import make_pose, make_velocity_at
@@ -41,7 +41,7 @@ def make_delta_load(spec: Spec) -> Any:
     turns = spec.moving and spec.wall_no_slip and spec.viscosity == "morris"
     slides = slipping(spec) and spec.viscosity == "morris"
     viscous_term = make_viscosity(spec.viscosity if viscous else "radial", spec.dimension, spec.precision)
-    friction_slide = make_friction_slide(spec)
+    friction_slide, curving = make_friction_slide(spec), make_curving(spec)
     friction_slope = make_friction_slope(spec.viscosity, spec.kernel, spec.dimension, spec.precision)
 
     @wp.kernel(module="unique", enable_backward=False, module_options=SWEEP_OPTIONS)
@@ -120,13 +120,9 @@ def make_delta_load(spec: Spec) -> Any:
                             spin = velocity_at(vec(), d, wall_body[w], body_motion, poses)
                             spun = rub * viscous_term(spin, d, r2 + params.tiny, params.inv_h)
                     if wp.static(slides):
-                        slips = bool(True)
-                        if wp.static(spec.wall_no_slip):
-                            slips = slip[w] != wp.uint8(0)
-                        if slips:
-                            n = wall_normal[w]
-                            spin = wp.dot(n, d) * slip_slope[w] - wp.dot(slip_slope[w], d) * n
-                            spun = rub * viscous_term(spin, d, r2 + params.tiny, params.inv_h)
+                        along = curving(w, slip, slip_slope)
+                        spin = wp.dot(wall_normal[w], d) * along - wp.dot(along, d) * wall_normal[w]
+                        spun += rub * viscous_term(spin, d, r2 + params.tiny, params.inv_h)
                     twisted += spun
             force += push
             if wp.static(spec.bodies):

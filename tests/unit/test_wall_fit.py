@@ -182,13 +182,14 @@ def test_where_the_shear_grows_along_a_wall_the_velocity_bends_across_it(noise, 
     assert np.dot(walls.mirrored[floor, 1], exact) / np.dot(exact, exact) == pytest.approx(1.0, abs=0.1)
 
 
-@pytest.mark.parametrize("spacings", [20, 40, 80])
+@pytest.mark.parametrize("spacings", [10, 20, 40, 80])
 def test_the_flow_around_a_cylinder_is_continued_across_its_surface(spacings):
     """Stokes flow, whose velocity across the surface is a cos(theta) (e^2 - 5/3 e^3 + 9/4 e^4 ...), e = y/a.
 
     In the cylinder e = -z/a. Two spacings deep the fourth power is 9/4 e^2 of the first: what a parabola and a cube leave.
     The surface bends away from the plane that y is measured from, by s^2/(2a). So the velocity along it has s^3/(2a) beside
-    y s, which moments of the kernel over a half space make 3.8 spacings over a of u_n.
+    y s, which moments of the kernel over a half space make 3.8 spacings over a of u_n. That has the other sign: with 10 and
+    20 spacings they leave less than the fourth power alone.
     """
     a, spacing, center = 0.25, 0.5 / spacings, np.array([0.52, 0.47])
 
@@ -208,4 +209,5 @@ def test_the_flow_around_a_cylinder_is_continued_across_its_surface(spacings):
     exact = np.sum(stokes(x) * walls.normal, axis=1)[round_wall]
     across = np.sum(walls.mirrored * walls.normal, axis=1)[round_wall]
     left = abs(np.dot(across, exact) / np.dot(exact, exact) - 1.0)
-    assert left < 3.8 * spacing / a + 9 / 4 * (2 * spacing / a) ** 2
+    bent_away = 3.8 * spacing / a if spacings > 20 else 0.0
+    assert left < bent_away + 9 / 4 * (2 * spacing / a) ** 2
