@@ -8,10 +8,10 @@
 Runs `cases/shear_drop.yaml` (or `shear_drop_3d`) for each combination; ratios are those of the drop over the matrix. Time in
 1/shear rate; by default until the drop is steady: max(2, 20 Ca), (1 + ratio of viscosities)/2 times that for a thick one.
 The table has the deformation D and the angle, means over the last fifth of the run, their errors against the reference
-(2-D, equal densities: with one viscosity 16 cells a radius, with two Stokes flow by `shear_drop_exact.py`; 3-D: with one
-viscosity Stokes flow without walls by `shear_drop_exact_3d.py`, else Cox 1969 for small deformation), the largest distance
-from the reference over time, the swing of D (standard deviation over the same fifth), the area (2-D) or volume (3-D) of the
-ellipse over that of the start, pieces, stages of friction, steps and seconds.
+(2-D: with the inertia of the case by `shear_drop_inertia.py` where that is known, else for equal densities Stokes flow by
+`shear_drop_exact.py`; 3-D: with one viscosity Stokes flow without walls by `shear_drop_exact_3d.py`, else Cox 1969 for
+small deformation), the largest distance from the reference over time, the swing of D (standard deviation over the same
+fifth), the area (2-D) or volume (3-D) of the ellipse over that of the start, pieces, stages of friction, steps and seconds.
 """
 
 from __future__ import annotations
@@ -34,10 +34,10 @@ from warpsph.simulation import Simulation
 from warpsph.study.provenance import provenance
 
 CASES = Path(__file__).parents[1] / "cases"
-STEADY = "i_drop_shear_2D_computed.csv"
+STEADY = "i_drop_shear_2D_inertia.csv"  # by shear_drop_inertia.py
 STOKES = "i_drop_shear_2D_stokes.csv"  # without inertia, by shear_drop_exact.py: for other viscosities
 STOKES_3D = "i_drop_shear_3D_stokes.csv"  # the same without walls, by shear_drop_exact_3d.py: one viscosity
-OVER_TIME = "i_drop_shear_2D_computed_transient.csv"
+OVER_TIME = "i_drop_shear_2D_inertia_transient.csv"
 REYNOLDS = 0.1
 
 
@@ -48,9 +48,9 @@ def table_of(name: str) -> np.ndarray:
 
 def steady_reference(dimension: int, capillary: float, viscosity: float, density: float) -> tuple[float, float]:
     """D and angle [degrees] that a drop should have; nan where none is known."""
-    if density != 1.0:
-        return math.nan, math.nan
     if dimension == 3:
+        if density != 1.0:
+            return math.nan, math.nan
         rows = table_of(STOKES_3D)
         mine = rows[rows["Ca"] == capillary]
         if viscosity == 1.0 and len(mine):
@@ -59,24 +59,23 @@ def steady_reference(dimension: int, capillary: float, viscosity: float, density
         taylor = capillary * (19 * viscosity + 16) / (16 * viscosity + 16)
         return taylor / math.hypot(1.0, turn), 45 - math.degrees(0.5 * math.atan(turn))
     rows = table_of(STEADY)
-    mine = rows[(rows["Ca"] == capillary) & (rows["lambda"] == viscosity)]
-    if len(mine):
-        best = mine[np.argmax(mine["cells_per_R"])]
-    else:
+    mine = rows[(rows["Ca"] == capillary) & (rows["lambda"] == viscosity) & (rows["density"] == density)]
+    if not len(mine) and density == 1.0:
         rows = table_of(STOKES)
         mine = rows[(rows["Ca"] == capillary) & (rows["lambda"] == viscosity)]
-        if not len(mine):
-            return math.nan, math.nan
-        best = mine[0]
-    return float(best["D_second_moments"]), float(best["orientation_deg"])
+    if not len(mine):
+        return math.nan, math.nan
+    return float(mine["D_second_moments"][0]), float(mine["orientation_deg"][0])
 
 
 def over_time(dimension: int, capillary: float, viscosity: float, density: float) -> np.ndarray | None:
     """Times and D of the reference over time, (n, 2); None where there is none."""
     rows = table_of(OVER_TIME)
-    column = f"D_Ca{capillary:g}"
+    column = f"D_Ca{capillary:g}" + "".join(
+        f"_{name}{ratio:g}" for name, ratio in (("viscosity", viscosity), ("density", density)) if ratio != 1.0
+    )
     names = rows.dtype.names or ()
-    if dimension == 3 or viscosity != 1.0 or density != 1.0 or column not in names:
+    if dimension == 3 or column not in names:
         return None
     return np.column_stack([rows[names[0]], rows[column]])
 
