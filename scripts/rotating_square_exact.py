@@ -44,7 +44,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
-from scipy.sparse import block_array, coo_array
+from scipy.sparse import block_array, coo_array, csr_array
 from scipy.sparse.linalg import splu
 from scipy.spatial import cKDTree
 
@@ -90,37 +90,44 @@ class Mesh:
     tips: Ints  # Places of the four tips in `surface`.
 
 
+def gathered(local: Floats, rows: Ints, columns: Ints, shape: tuple[int, int]) -> csr_array:
+    """Return the sum of the local matrices (triangles, i, j) as one sparse matrix."""
+    i = np.broadcast_to(rows[:, :, None], local.shape).ravel()
+    j = np.broadcast_to(columns[:, None, :], local.shape).ravel()
+    return coo_array((local.ravel(), (i, j)), shape=shape).tocsr()
+
+
+def gradients_and_weights(places: Floats) -> tuple[Floats, Floats]:
+    """Return the gradients of the shape functions (triangles, points, 6, 2) and the areas of the points (triangles, points).
+
+    For the places (triangles, 6, 2) of the nodes; ends the script where a triangle is turned inside out.
+    """
+    jacobian = np.einsum("tia,qib->tqab", places, P2_GRADIENT)
+    determinant = np.linalg.det(jacobian)
+    if determinant.min() <= 0:
+        raise SystemExit("A triangle is turned inside out: take a shorter --step or more friction.")
+    return np.einsum("qib,tqba->tqia", P2_GRADIENT, np.linalg.inv(jacobian), optimize=True), determinant * WEIGHTS
+
+
 class Forms:
     """The matrices of the weak form on one geometry."""
 
     def __init__(self, mesh: Mesh, nodes: Floats) -> None:
         """Assemble the mass, viscous (for mu = 1) and divergence matrices for the mesh at the given nodes."""
         elements = mesh.elements
-        jacobian = np.einsum("tia,qib->tqab", nodes[elements], P2_GRADIENT)
-        determinant = np.linalg.det(jacobian)
-        if determinant.min() <= 0:
-            raise SystemExit("A triangle is turned inside out: take a shorter --step or more friction.")
-        self.gradient = np.einsum("qib,tqba->tqia", P2_GRADIENT, np.linalg.inv(jacobian), optimize=True)
-        self.weight = determinant * WEIGHTS
+        self.gradient, self.weight = gradients_and_weights(nodes[elements])
         self.mesh, self.count, self.nodes = mesh, len(nodes), nodes
         self.area = float(self.weight.sum())
         mass = np.einsum("tq,qi,qj->tij", self.weight, P2, P2, optimize=True)
         weighted = self.gradient * self.weight[:, :, None, None]
         k = np.einsum("tqia,tqjb->abtij", weighted, self.gradient, optimize=True)
-        self.mass = self._matrix(mass, elements, elements, self.count, self.count)
+        self.mass = gathered(mass, elements, elements, (self.count, self.count))
         blocks = [[2 * k[0, 0] + k[1, 1], k[1, 0]], [k[0, 1], k[0, 0] + 2 * k[1, 1]]]
-        self.viscous = [[self._matrix(b, elements, elements, self.count, self.count) for b in row] for row in blocks]
+        self.viscous = [[gathered(b, elements, elements, (self.count, self.count)) for b in row] for row in blocks]
         div = np.einsum("tqia,qj->atij", weighted, P1, optimize=True)
-        self.divergence = [self._matrix(d, elements, elements[:, :3], self.count, mesh.vertices) for d in div]
+        self.divergence = [gathered(d, elements, elements[:, :3], (self.count, mesh.vertices)) for d in div]
         small = np.einsum("tq,qi,qj->tij", self.weight, P1, P1, optimize=True)
-        self.pressure_mass = self._matrix(small, elements[:, :3], elements[:, :3], mesh.vertices, mesh.vertices)
-
-    @staticmethod
-    def _matrix(local: Floats, rows: Ints, columns: Ints, height: int, width: int) -> coo_array:
-        """Gather the local matrices (triangles, i, j) in one sparse matrix."""
-        i = np.broadcast_to(rows[:, :, None], local.shape).ravel()
-        j = np.broadcast_to(columns[:, None, :], local.shape).ravel()
-        return coo_array((local.ravel(), (i, j)), shape=(height, width)).tocsr()
+        self.pressure_mass = gathered(small, elements[:, :3], elements[:, :3], (mesh.vertices, mesh.vertices))
 
     def solve(self, inertia: float, mu: float, load: Floats) -> tuple[Floats, Floats]:
         """Solve inertia * M u + mu * V u - G p = load, G^T u = 0 for the velocities (nodes, 2) and the pressures.

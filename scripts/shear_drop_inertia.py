@@ -33,7 +33,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 from oscillating_drop_exact import EDGE_SLOPES, EDGE_WEIGHTS
-from rotating_square_exact import P1, P2, P2_GRADIENT, WEIGHTS, start_of_steps
+from rotating_square_exact import P1, P2, gathered, gradients_and_weights, start_of_steps
 from scipy.interpolate import CubicSpline
 from scipy.sparse import block_array, coo_array, csr_array, diags_array
 from scipy.sparse.linalg import splu
@@ -45,13 +45,6 @@ Blocks = list[list[csr_array]]  # a matrix of both components with both
 HALF = 4.0  # of the box, in radii
 GROWTH = 1.15  # of the rings of vertices, from one to the next away from the interface
 PASSES = 3  # over the geometry of the new time
-
-
-def gathered(local: Floats, rows: Ints, columns: Ints, shape: tuple[int, int]) -> csr_array:
-    """Return the sum of the local matrices (elements, i, j) as one sparse matrix."""
-    i = np.broadcast_to(rows[:, :, None], local.shape).ravel()
-    j = np.broadcast_to(columns[:, None, :], local.shape).ravel()
-    return coo_array((local.ravel(), (i, j)), shape=shape).tocsr()
 
 
 def ring_points(radius: float, count: int, turn: float = 0.0) -> Floats:
@@ -135,12 +128,7 @@ class Forms:
 
     def __init__(self, mesh: DropMesh, nodes: Floats, rho: Floats, mu: Floats) -> None:
         e, n = mesh.elements, len(nodes)
-        jacobian = np.einsum("tia,qib->tqab", nodes[e], P2_GRADIENT)
-        determinant = np.linalg.det(jacobian)
-        if determinant.min() <= 0:
-            raise SystemExit("A triangle is turned inside out: take a shorter --step.")
-        self.gradient = np.einsum("qib,tqba->tqia", P2_GRADIENT, np.linalg.inv(jacobian), optimize=True)
-        self.weight = determinant * WEIGHTS
+        self.gradient, self.weight = gradients_and_weights(nodes[e])
         self.mesh, self.nodes, self.rho = mesh, nodes, rho
         self.mass = gathered(np.einsum("t,tq,qi,qj->tij", rho, self.weight, P2, P2, optimize=True), e, e, (n, n))
         weighted = self.gradient * self.weight[:, :, None, None]
