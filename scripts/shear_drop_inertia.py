@@ -335,6 +335,10 @@ def main() -> None:
         parser.error(f"--step {a.step:g}: needs at most a quarter of --size {a.size:g}, or passes do not settle")
     if a.end < 4 * a.step:
         parser.error(f"--end {a.end:g}: needs at least four steps of --step {a.step:g}")
+    if a.output:
+        if a.output.exists() and not a.output.is_dir():
+            parser.error(f"--output {a.output}: is a file, and needs to be a folder or a new name")
+        a.output.mkdir(parents=True, exist_ok=True)
     print("     Ca         D   angle  change of D, angle in the last tenth  area")
     for capillary in a.capillary:
         table = run(Drop(a.reynolds, capillary, a.viscosity, a.density, a.size, a.coarse), a.step, a.end)
@@ -343,7 +347,6 @@ def main() -> None:
         print(f"{capillary:7g} {table[-1, 1]:9.6f} {table[-1, 2]:7.3f}  {drift[0]:.1e}, {drift[1]:.1e}"
               f"                       {table[-1, 3]:.6f}", flush=True)
         if a.output:
-            a.output.mkdir(parents=True, exist_ok=True)
             np.savetxt(a.output / f"Ca_{capillary:g}.csv", table, "%.6g", ",", comments="",
                        header="G_t,D,angle_deg,area_over_start")
 
