@@ -283,12 +283,20 @@ def make_momentum(spec: Spec) -> Any:
                             jump = laplace_jump(sigma, kappa_i, curvature[j], w_i, interface_weight[j])
                         if wp.static(spec.viscous_jump):
                             thick = wp.where(own.viscosity > other.viscosity, i, j)
-                            grad, n = gradient_at_interface[thick], facing[thick]
-                            jump += stress_jump(own.viscosity, other.viscosity, grad, n)
+                            grad = gradient_at_interface[thick]
+                            here = stress_jump(own.viscosity, other.viscosity, grad, facing[thick])
+                            jump += here
                             viscous_sum += stress_traction(own.viscosity, mu, grad, facing[i], fd)
                         if wp.static(kinked):
                             # fluids that touch have one acceleration: that is r.grad p of the own phase
                             rho_ij = density_between(i, j, facing, interface_depth, own.density, other.density)
+                            if wp.static(spec.viscous_jump):
+                                # Along the interface the jump is that at the place of the neighbour. That of a thinner
+                                # particle is: its normal is the neighbour's.
+                                if thick == i and wp.dot(facing[i], facing[j]) < real(0.0):
+                                    there = stress_jump(own.viscosity, other.viscosity, grad, facing[j])
+                                    along = fd - wp.dot(facing[i], fd) * facing[i]
+                                    pressure_sum += (own.density / rho_ij * (there - here)) * along
                             rise = own.density / rho_ij * (state_j[0] + jump - p_i)
                         else:
                             rise = real(2.0) * star_pressure(p_i, state_j[0], own.density, other.density, jump)
