@@ -151,7 +151,7 @@ def make_interface_stress(dimension: int, precision: str) -> InterfaceStress:
 
     G is the velocity gradient [1/s] at the interface of the more viscous side; n a unit normal of either
     sign, 0 where there is none: for the traction that of i, for the pressure that of the more viscous
-    side. fd is F V_j x_ij.
+    side, but that of j in sums along the interface. fd is F V_j x_ij.
     """
     real, vec, mat, _ = types(dimension, precision)
 
