@@ -13,7 +13,7 @@ from warpsph.scene.airfoils import airfoil, naca_4, read_section
 from warpsph.scene.body_sampling import Sampling, layers_of, sample
 from warpsph.scene.fluid_regions import expression_problem
 from warpsph.scene.lattice import Lattice
-from warpsph.scene.roots import Footing, gap_of, joined, rooted
+from warpsph.scene.roots import Footing, gap_of, joined, moved, rooted
 from warpsph.scene.surfaces import Ball, Hollow, Outline, Repeated, ShapeError, Surface, box_surface
 from warpsph.scene.thinness import REFUSED, WARNED, ThinPlaces, thin_places
 from warpsph.scene.traced import trace_expression
@@ -176,13 +176,32 @@ def of_cells(case: Case, surfaces: Iterable[Surface], lattice: Lattice) -> bool:
 
 def repeated(surface: Surface, on: NDArray[np.bool_], lattice: Lattice, near: float) -> Surface:
     """The surface with those of its images along the axes `on` that come nearer than `near`, m, to the domain."""
+    shifts = _shifts(surface, on, lattice, near)
+    return Repeated(surface, shifts) if len(shifts) > 1 else surface
+
+
+def _shifts(surface: Surface, on: NDArray[np.bool_], lattice: Lattice, near: float) -> NDArray[np.float64]:
+    """Where such images are, (m, d), m; the first is the surface itself, 0."""
     lower, upper = np.array(lattice.lower), np.array(lattice.upper)
     steps = np.stack(np.meshgrid(*[(0, -1, 1) if axis else (0,) for axis in on], indexing="ij"), axis=-1)
     shifts = steps.reshape(-1, len(on)) * (upper - lower)
     start, end = surface.bounds[0] + shifts, surface.bounds[1] + shifts
     there = np.all((end > lower - near) & (start < upper + near), axis=1)
     there[0] = True
-    return Repeated(surface, shifts[there]) if there[1:].any() else surface
+    return shifts[there]
+
+
+def _beside(name: str, case: Case, surfaces: dict[str, Surface], lattice: Lattice, near: float) -> list[Surface]:
+    """The bodies that move as one does, and those of their images that come nearer than `near`, m, to the domain."""
+    found = []
+    for other, surface in surfaces.items():
+        body = case.bodies[other]
+        if other == name or body.motion != case.bodies[name].motion:
+            continue
+        shifts = _shifts(surface, goes_on(case, body, surface, lattice), lattice, near)
+        images = (moved(surface, shift) for shift in shifts[1:])
+        found += [surface, *(image for image in images if image is not None)]
+    return found
 
 
 def make_solids(
@@ -210,8 +229,7 @@ def make_solids(
         if thin is not None:
             problems.append(thin)
             continue
-        beside = [surfaces[k] for k in surfaces if k != name and case.bodies[k].motion == body.motion]
-        whole = joined(surface, beside, 2.0 * support)
+        whole = joined(surface, _beside(name, case, surfaces, lattice, 2.0 * support), 2.0 * support)
         on = goes_on(case, body, surface, lattice)
         first, last = np.where(on, -np.inf, low).tolist(), np.where(on, np.inf, high).tolist()
         sampling = sample(whole, spacing, layers, first, last, case.scheme.mean_edges)

@@ -17,7 +17,7 @@ from warpsph.scene.surfaces import Ball, Brick, Outline, ShapeError, Surface
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["Footing", "gap_of", "joined", "rooted"]
+__all__ = ["Footing", "gap_of", "joined", "moved", "rooted"]
 
 ON_LINE = 1e-9
 """Share of the size of a body by which a corner may be off the line between its neighbours and be none."""
@@ -95,6 +95,19 @@ def joined(surface: Surface, others: Sequence[Surface], reach: float) -> Surface
             if isinstance(other, Brick):
                 surface = _on_brick(surface, other, reach)
     return surface
+
+
+def moved(surface: Surface, way: NDArray[np.float64]) -> Surface | None:
+    """A surface elsewhere, by a `way` (d,), m; None for kinds that are not joined."""
+    if isinstance(surface, Outline):
+        import shapely
+
+        return Outline(shapely.transform(surface.region, lambda corners: corners + way))
+    if isinstance(surface, Ball):
+        return Ball((surface.center + way).tolist(), surface.radius)
+    if isinstance(surface, Brick):
+        return Brick((surface.bounds[0] + way).tolist(), (surface.bounds[1] + way).tolist())
+    return None
 
 
 def _union(surface: Outline, others: Sequence[Surface]) -> Outline:
