@@ -119,6 +119,21 @@ def test_a_normal_on_the_surface_is_that_of_the_face():
     assert normal == pytest.approx(np.array([[1, 1]]) / math.sqrt(2))
 
 
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_of_two_faces_that_are_as_near_the_first_axis_has_its_own(dimension):
+    """On the bisectors of all corners and edges, wherever the box stands: rounding would choose now this, now that face."""
+    offsets = np.random.default_rng(1).uniform(-3, 3, (50, dimension))
+    corner = np.stack(np.meshgrid(*[(-1.0, 1.0)] * dimension, indexing="ij"), axis=-1).reshape(-1, dimension)
+    for offset in offsets:
+        lower, upper = offset, offset + [0.7, 0.4, 0.9][:dimension]
+        points = np.where(corner < 0, lower, upper) - 0.1 * corner
+        foot, normal = box_surface(lower, upper).closest(points)
+        expected = np.zeros_like(normal)
+        expected[:, 0] = corner[:, 0]
+        np.testing.assert_allclose(normal, expected, atol=1e-12)
+        np.testing.assert_allclose(points - foot, -0.1 * expected, atol=1e-12)
+
+
 def test_the_sense_of_rotation_of_a_polygon_does_not_matter():
     points = np.random.default_rng(3).uniform(-1, 2, (50, 2))
     one, other = Outline.of_corners(SQUARE), Outline.of_corners(SQUARE[::-1])

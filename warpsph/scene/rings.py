@@ -9,7 +9,7 @@ middle of a body, is filled with particles about evenly (`_fill`).
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -32,6 +32,10 @@ NEAREST = 0.6
 
 SMALLEST = 0.3
 """Volume, in cells, below which a rest is given to its neighbours instead of a particle of its own."""
+
+
+DIGITS = 2.0**-32
+"""Spacings that corners are rounded to, well below what is the same place (`SAME` of `body_sampling`)."""
 
 
 @dataclass(frozen=True)
@@ -74,15 +78,23 @@ def ball_rings(ball: Ball, spacing: float, layers: int, outwards: bool) -> Rows:
 
 
 def outline_rings(outline: Outline, spacing: float, layers: int, outwards: bool) -> Rows:
-    """Lines parallel to an outline; `outwards` for a body around it."""
+    """Lines parallel to an outline; `outwards` for a body around it.
+
+    They are drawn from its lower corner, in `DIGITS`, so that rounding does not choose other places for the same body
+    elsewhere.
+    """
+    import shapely
+
+    origin, digit = outline.bounds[0], DIGITS * spacing
+    region = shapely.transform(outline.region, lambda corners: np.rint((corners - origin) / digit) * digit)
     parts: list[Rows] = []
     lost = []
     sign = 1.0 if outwards else -1.0
-    near = outline.region
+    near = region
     for m in range(layers):
-        far = _parallel(outline.region, sign * (m + 1) * spacing)
+        far = _parallel(region, sign * (m + 1) * spacing)
         band = far.difference(near) if outwards else near.difference(far)
-        line = _parallel(outline.region, sign * (m + 0.5) * spacing)
+        line = _parallel(region, sign * (m + 0.5) * spacing)
         rows = _band(band, line, spacing, m)
         if len(rows.position) == 0 and parts:
             lost.append(band)
@@ -94,7 +106,7 @@ def outline_rings(outline: Outline, spacing: float, layers: int, outwards: bool)
     rows = merged(Rows.joined(parts, 2), spacing)
     for band in lost:
         rows.volume[:] += _shares(band, rows.position, spacing)
-    return rows
+    return replace(rows, position=rows.position + origin)
 
 
 def _parallel(region: Any, distance: float) -> Any:

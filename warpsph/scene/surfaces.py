@@ -23,6 +23,14 @@ __all__ = ["Ball", "Brick", "Hollow", "Outline", "ShapeError", "Surface", "box_s
 _ON_SURFACE = 1e-9
 """Distance over the size of a body below which a point lies on its surface: the normal is then that of the face."""
 
+_TIES = np.array([1.0 - 2e-6, 1.0 - 1e-6, 1.0])
+"""Shares of the distances along each axis by which the nearest face is chosen: of two that are as near, as on the bisector
+of a corner, rounding would choose, another one here than in the mirror image or elsewhere. It is that of the first axis."""
+
+_UPWARDS = 1e-10
+"""The same for what lies midway between two faces, as the middle row of a plate: how far upwards along all axes a point
+counts as lying, over the size of the body."""
+
 NOT_THERE = "paths are relative to the folder of the case file"
 """Remedy for the name of a file that is missing."""
 
@@ -156,9 +164,9 @@ class Brick(Surface):
         lower, upper = self.bounds
         foot = np.clip(points, lower, upper)
         beyond = np.maximum(lower - points, points - upper)
-        axis = beyond.argmax(axis=1)
+        axis = (beyond * _TIES).argmax(axis=1)
         rows = np.arange(len(points))
-        above = (points - lower)[rows, axis] > (upper - points)[rows, axis]
+        above = (points - lower)[rows, axis] > (upper - points)[rows, axis] - 2.0 * _UPWARDS * self.size
         within = (beyond <= 0.0).all(axis=1)
         foot[rows[within], axis[within]] = np.where(above, upper[axis], lower[axis])[within]
         normal = np.zeros_like(foot)
@@ -213,7 +221,7 @@ class Outline(Surface):
         self._length = np.linalg.norm(way, axis=1)
         self._tangent = way / self._length[:, None]
         self._normal = np.stack([self._tangent[:, 1], -self._tangent[:, 0]], axis=1)
-        self._tree = shapely.STRtree(shapely.linestrings(np.stack([self._start, self._end], axis=1)))
+        self._tree = shapely.STRtree(shapely.linestrings(np.stack([self._start, self._end], axis=1) * _TIES[:2]))
         shapely.prepare(self.region)
         self.bounds = np.array(self.region.bounds, dtype=np.float64).reshape(2, 2)
         self.measure = float(self.region.area)
@@ -278,7 +286,7 @@ class Outline(Surface):
 
         if len(points) == 0:
             return np.empty((0, 2)), np.empty(0, dtype=np.intp)
-        edge = self._tree.nearest(shapely.points(points))
+        edge = self._tree.nearest(shapely.points((points + _UPWARDS * self.size) * _TIES[:2]))
         along = np.einsum("ij,ij->i", points - self._start[edge], self._tangent[edge])
         along = np.clip(along, 0.0, self._length[edge])
         return self._start[edge] + along[:, None] * self._tangent[edge], edge
