@@ -136,6 +136,19 @@ def test_volumes_of_rings_are_exact(n):
     assert hollow.volume.sum() == pytest.approx(math.pi * ((0.5 + 3 * dx) ** 2 - 0.25), rel=1e-12)
 
 
+@pytest.mark.parametrize("cells", [(6, 5), (11, 7), (10.5, 6.5)])
+def test_a_body_has_the_same_particles_elsewhere(cells):
+    """The innermost rest of an odd number of rows included, whose places are a matter of which points are nearest."""
+    dx = 1 / 12
+    first = None
+    for offset in np.random.default_rng(2).uniform(-30, 30, (20, 2)):
+        (x0, y0), (x1, y1) = offset, offset + np.array(cells) * dx
+        found = layers_of(Outline.of_corners([(x0, y0), (x1, y0), (x1, y1), (x0, y1)]), dx, 60)
+        here = np.column_stack([found.position - offset, found.volume])
+        first = here if first is None else first
+        assert here == pytest.approx(first, abs=1e-9 * dx)
+
+
 @settings(max_examples=25, deadline=None)
 @given(st.lists(st.floats(0.25, 1.0), min_size=4, max_size=9), st.floats(0, 6.3), st.integers(6, 30))
 def test_a_full_body_has_its_volume(radii, turn, cells):

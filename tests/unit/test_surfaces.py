@@ -132,6 +132,9 @@ def test_of_two_faces_that_are_as_near_the_first_axis_has_its_own(dimension):
         expected[:, 0] = corner[:, 0]
         np.testing.assert_allclose(normal, expected, atol=1e-12)
         np.testing.assert_allclose(points - foot, -0.1 * expected, atol=1e-12)
+        # midway between two faces the upper one: the shortest side is that along y
+        _, normal = box_surface(lower, upper).closest(np.array([offset + np.array([0.35, 0.2, 0.45][:dimension])]))
+        np.testing.assert_allclose(normal[0], [0.0, 1.0, 0.0][:dimension], atol=1e-12)
 
 
 def test_the_sense_of_rotation_of_a_polygon_does_not_matter():
