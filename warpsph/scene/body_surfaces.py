@@ -191,17 +191,11 @@ def _shifts(surface: Surface, on: NDArray[np.bool_], lattice: Lattice, near: flo
     return shifts[there]
 
 
-def _beside(name: str, case: Case, surfaces: dict[str, Surface], lattice: Lattice, near: float) -> list[Surface]:
-    """The bodies that move as one does, and those of their images that come nearer than `near`, m, to the domain."""
-    found = []
-    for other, surface in surfaces.items():
-        body = case.bodies[other]
-        if other == name or body.motion != case.bodies[name].motion:
-            continue
-        shifts = _shifts(surface, goes_on(case, body, surface, lattice), lattice, near)
-        images = (moved(surface, shift) for shift in shifts[1:])
-        found += [surface, *(image for image in images if image is not None)]
-    return found
+def _images(body: Body, surface: Surface, case: Case, lattice: Lattice, near: float) -> list[Surface]:
+    """A body, and of kinds that `joined` joins those of its images that come nearer than `near`, m, to the domain."""
+    shifts = _shifts(surface, goes_on(case, body, surface, lattice), lattice, near)
+    images = (moved(surface, shift) for shift in shifts[1:])
+    return [surface, *(image for image in images if image is not None)]
 
 
 def make_solids(
@@ -223,13 +217,15 @@ def make_solids(
     solids: list[Solid] = []
     surfaces = _surfaces(case, lattice, support, low, high, problems, warnings)
     cells = case.scheme.mirrors_sides and case.has_flow_through and of_cells(case, surfaces.values(), lattice)
+    images = {name: _images(case.bodies[name], one, case, lattice, 2.0 * support) for name, one in surfaces.items()}
     for name, surface in surfaces.items():
         path, body = f"bodies.{name}.shape", case.bodies[name]
         thin = _too_thin(path, body, thin_places(surface, spacing, layers), spacing, warnings)
         if thin is not None:
             problems.append(thin)
             continue
-        whole = joined(surface, _beside(name, case, surfaces, lattice, 2.0 * support), 2.0 * support)
+        beside = [image for k in surfaces if k != name and case.bodies[k].motion == body.motion for image in images[k]]
+        whole = joined(surface, beside, 2.0 * support)
         on = goes_on(case, body, surface, lattice)
         first, last = np.where(on, -np.inf, low).tolist(), np.where(on, np.inf, high).tolist()
         sampling = sample(whole, spacing, layers, first, last, case.scheme.mean_edges)
