@@ -33,9 +33,8 @@ NEAREST = 0.6
 SMALLEST = 0.3
 """Volume, in cells, below which a rest is given to its neighbours instead of a particle of its own."""
 
-
 DIGITS = 2.0**-32
-"""Spacings that corners are rounded to, well below what is the same place (`SAME` of `body_sampling`)."""
+"""Spacings that corners are rounded to, well below what is the same place (`SAME` of `body_surfaces`)."""
 
 
 @dataclass(frozen=True)

@@ -98,11 +98,12 @@ def joined(surface: Surface, others: Sequence[Surface], reach: float) -> Surface
 
 
 def moved(surface: Surface, way: NDArray[np.float64]) -> Surface | None:
-    """A surface elsewhere, by a `way` (d,), m; None for kinds that are not joined."""
+    """A surface elsewhere, by a `way` (d,), m; None for kinds that are not joined, and where rounding makes it cross itself."""
     if isinstance(surface, Outline):
         import shapely
 
-        return Outline(shapely.transform(surface.region, lambda corners: corners + way))
+        region = shapely.transform(surface.region, lambda corners: corners + way)
+        return Outline(region) if region.is_valid else None
     if isinstance(surface, Ball):
         return Ball((surface.center + way).tolist(), surface.radius)
     if isinstance(surface, Brick):
