@@ -98,7 +98,10 @@ def joined(surface: Surface, others: Sequence[Surface], reach: float) -> Surface
 
 
 def moved(surface: Surface, way: NDArray[np.float64]) -> Surface | None:
-    """A surface elsewhere, by a `way` (d,), m; None for kinds that are not joined, and where rounding makes it cross itself."""
+    """A surface elsewhere, by a `way` (d,), m.
+
+    None for kinds that are not joined, and where rounding makes it cross itself.
+    """
     if isinstance(surface, Outline):
         import shapely
 
